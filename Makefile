@@ -1,0 +1,35 @@
+# Everything a fresh machine needs: a Python in the supported range and make. Nothing else is installed by hand.
+SHELL := /bin/sh
+.DEFAULT_GOAL := help
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+
+.PHONY: help install test lint demo bench clean
+
+help:            ## list the targets
+	@grep -E '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/'
+
+install: $(STAMP) ## virtual environment in the checkout, locked versions
+
+$(STAMP): requirements.lock pyproject.toml
+	@sh .ci/make-venv $(VENV)
+	@touch $(STAMP)
+
+test: $(STAMP)   ## the whole test suite
+	$(BIN)/python -m pytest -n 2 --dist loadgroup
+
+lint: $(STAMP)   ## formatter, linter, strict types, import directions
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+demo: $(STAMP)   ## the whole story on the simulated bench, with an effect nobody declared
+	$(BIN)/rig demo
+
+bench: $(STAMP)  ## benchmarks, as ratios
+	$(BIN)/python -m tests.benchmarks
+
+clean:           ## remove the virtual environment and caches
+	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache build *.egg-info

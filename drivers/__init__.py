@@ -1,0 +1,1 @@
+"""How to talk: signals, types, errors, clock, and one driver per device."""

@@ -1,0 +1,1 @@
+"""What to do: typed intents and one file per procedure."""

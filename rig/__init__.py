@@ -1,0 +1,1 @@
+"""The application: command line, bench, runner, log, loop."""

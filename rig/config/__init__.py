@@ -1,0 +1,1 @@
+"""Files that people write: bench.toml and dut.toml."""

@@ -1,0 +1,110 @@
+"""The device under test, `dut.toml`: what is known of gear, motor and output. Everything but the name is optional.
+
+Values are priors and starting values, never hard limits; only what is physically impossible is an error.
+"""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Self
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from rig.config.toml_file import FileModel, parse_toml, read_text
+
+
+def _whole_number_is_a_number(value: object) -> object:
+    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+Positive = Annotated[float, BeforeValidator(_whole_number_is_a_number), Field(gt=0)]
+Counts = Annotated[int, Field(ge=1, le=2**40)]
+
+
+class Rotation(StrEnum):
+    """Whether the output turns against the wave generator or with it."""
+
+    OPPOSED = "opposed"
+    SAME = "same"
+
+
+class Gear(FileModel):
+    """Harmonic drive: catalogue stiffnesses N*m/rad up to torques N*m, losses, and friction at both sides."""
+
+    ratio: Positive | None = None
+    rotation: Annotated[Rotation, Field(strict=False)] = Rotation.OPPOSED
+    rated_torque: Positive | None = None
+    K1: Positive | None = None
+    K2: Positive | None = None
+    K3: Positive | None = None
+    T1: Positive | None = None
+    T2: Positive | None = None
+    hysteresis_loss: Positive | None = None
+    starting_torque: Positive | None = None
+    backdriving_torque: Positive | None = None
+
+    @model_validator(mode="after")
+    def _torques_in_order(self) -> Self:
+        if self.T1 is not None and self.T2 is not None and self.T2 <= self.T1:
+            raise ValueError(f"T2 = {self.T2:g} N*m must be larger than T1 = {self.T1:g} N*m")
+        return self
+
+
+class Motor(FileModel):
+    """Motor: encoder counts per revolution (after evaluation of all edges), N*m/A, kg*m^2."""
+
+    encoder_counts: Counts | None = None
+    torque_constant: Positive | None = None
+    pole_pairs: Counts | None = None
+    inertia: Positive | None = None
+
+
+class Output(FileModel):
+    """Output side: encoder counts per revolution, inertia kg*m^2."""
+
+    encoder_counts: Counts | None = None
+    inertia: Positive | None = None
+
+
+class Dut(FileModel):
+    """The device under test."""
+
+    name: Annotated[str, Field(min_length=1, max_length=200)]
+    gear: Gear = Gear()
+    motor: Motor = Motor()
+    output: Output = Output()
+
+
+SHD_17_100 = """\
+name = "SHD-17-100"
+[gear]
+ratio = 100
+rotation = "opposed"
+rated_torque = 16.0        # N*m
+K1 = 8.4e3                 # N*m/rad
+K2 = 9.4e3                 # N*m/rad
+T1 = 3.9                   # N*m
+T2 = 12.0                  # N*m
+hysteresis_loss = 1.8e-4   # rad
+starting_torque = 0.012    # N*m at the motor
+backdriving_torque = 2.0   # N*m at the output
+[motor]
+encoder_counts = 16384     # per revolution
+torque_constant = 0.321    # N*m/A
+pole_pairs = 7
+inertia = 2.2e-5           # kg*m^2
+[output]
+encoder_counts = 524288    # per revolution
+inertia = 5e-4             # kg*m^2
+"""
+"""The device on the shipped simulated bench, as a dut file: the drive of Zhang, Ahmad & Liu 2014."""
+
+
+def load_dut(path: Path) -> tuple[Dut, str]:
+    """Read a dut file; give the model and the text as written. Raises ConfigError with every mistake."""
+    text = read_text(path)
+    return parse_toml(text, Dut, str(path)), text
+
+
+def default_dut() -> tuple[Dut, str]:
+    """Give the device on the shipped simulated bench and its text."""
+    return parse_toml(SHD_17_100, Dut, "shipped dut 'SHD-17-100'"), SHD_17_100

@@ -1,0 +1,51 @@
+"""Read a TOML file into a frozen model and report every mistake at once, with its path."""
+
+import tomllib
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from drivers.errors import ConfigError, Mistake
+
+MAX_BYTES = 1_000_000
+"""A configuration is a page of text; anything larger is another file."""
+
+
+class FileModel(BaseModel):
+    """Base of everything read from a file: frozen, no unknown keys, no numbers from text, no infinities."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+Model = TypeVar("Model", bound=FileModel)
+
+
+def read_text(path: Path) -> str:
+    """Give the file's text. Raises ConfigError if it cannot be read or is no UTF-8 text of sensible size."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise ConfigError(str(path), [Mistake("file", path.name, error.strerror or str(error))]) from error
+    if len(data) > MAX_BYTES:
+        raise ConfigError(str(path), [Mistake("file", f"{len(data)} bytes", f"at most {MAX_BYTES} bytes")])
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ConfigError(str(path), [Mistake("file", path.name, f"not UTF-8 text: {error.reason}")]) from error
+
+
+def parse_toml(text: str, model: type[Model], source: str) -> Model:
+    """Give the model for a TOML text. Raises ConfigError naming `source` and every mistake with its path."""
+    try:
+        data = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise ConfigError(source, [Mistake("TOML", "", str(error) or "nested too deeply")]) from error
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        mistakes = [
+            Mistake(".".join(str(part) for part in item["loc"]) or "file", item.get("input"), item["msg"])
+            for item in error.errors(include_url=False)
+        ]
+        raise ConfigError(source, mistakes) from error

@@ -1,0 +1,61 @@
+"""One run as read from a file: time, signals as arrays, and the few facts that travel with them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+class ProcedureName(StrEnum):
+    """What was done on the bench, as written in logs and sidecar files."""
+
+    STARTING_TORQUE = "starting-torque"
+    LOCKED_OUTPUT = "locked-output"
+    BACKDRIVE = "backdrive"
+    FREE_RUN = "free-run"
+    OTHER = "other"
+
+
+@dataclass(frozen=True, slots=True)
+class RunEvent:
+    """Something that happened at `time` (s since the run's first sample): a phase, a limit, an operator's word."""
+
+    time: float
+    kind: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One log.
+
+    `time`: s since the first sample, shape (n,), strictly increasing. `signals`: contract name to SI values,
+    shape (n,); a signal that was not recorded is absent; NaN marks samples at which it was missing.
+    `auxiliary`: further columns under their own name, with `auxiliary_units` as written. `replicate`: name of the
+    group of runs that repeat the same conditions, or None. `start_angle`: rad, or None. `gaps`: times (s) after
+    which more than 5 nominal periods are missing. `metadata`: plain text facts (run id, operator, ...).
+    `dut_text`: the attached dut file as written, "" where there is none.
+    `complete`: False if the log was cut off.
+    """
+
+    name: str
+    file: Path
+    procedure: ProcedureName
+    time: Floats
+    signals: Mapping[str, Floats]
+    replicate: str | None = None
+    start_angle: float | None = None
+    auxiliary: Mapping[str, Floats] = field(default_factory=lambda: MappingProxyType({}))
+    auxiliary_units: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    gaps: tuple[float, ...] = ()
+    events: tuple[RunEvent, ...] = ()
+    metadata: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    dut_text: str = ""
+    complete: bool = True
+    warnings: tuple[str, ...] = ()

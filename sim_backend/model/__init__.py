@@ -1,0 +1,1 @@
+"""The harmonic drive: compliance, friction, effects, and the compiled plant kernel."""

@@ -1,0 +1,40 @@
+"""Cogging: magnets against slots; a torque periodic in the rotor angle that does not flip with direction.
+
+    motor balance += amplitude * sin(order * motor_position + phase)        N*m at the motor
+
+Orders are lcm(slots, poles) and multiples; slots and poles themselves where the parts are uneven. Conservative.
+Source: permanent-magnet motor literature.
+"""
+
+import math
+
+from sim_backend.model.effects.effect import Effect, Enters, Parameter, Shape
+
+
+def cogging(motor_position: float, amplitude: float, order: float, phase: float) -> float:
+    """Torque which the motor must overcome, N*m."""
+    return amplitude * math.sin(order * motor_position + phase)
+
+
+EFFECT = Effect(
+    id="cogging",
+    summary="motor torque periodic in the rotor angle, the same in both directions",
+    equation="motor_torque += amplitude * sin(order * motor_position + phase)",
+    source="permanent-magnet motor literature",
+    enters=Enters.MOTOR_BALANCE,
+    variable="motor_position",
+    shape=Shape.PERIODIC,
+    unit="N*m",
+    parameters=(
+        Parameter("amplitude", "N*m", 0.0, 1.0, 3e-3, "half of the peak-to-peak torque"),
+        Parameter("order", "1/rev", 0.0, 1e4, 84.0, "cycles per motor turn"),
+        Parameter("phase", "rad", -2 * math.pi, 2 * math.pi, 0.0, "phase at motor_position = 0"),
+    ),
+    amplitude="amplitude",
+    function=cogging,
+    slope=None,
+    conservative=True,
+    shows=("free-run", "starting-torque"),
+    confusable=("position-dependent-friction", "torque-ripple", "kinematic-error"),
+    separated_by="both directions (half-sum and half-difference); a ladder of currents at the same angles",
+)
