@@ -57,7 +57,7 @@ def all_drivers() -> Mapping[str, DriverEntry]:
             continue
         if not isinstance(entry, DriverEntry) or entry.name in found:
             warnings.warn(
-                f"driver plug-in '{point.name}' ({point.value}) was left out: it is no DriverEntry or its name is taken",
+                f"driver plug-in '{point.name}' ({point.value}) was left out: no DriverEntry, or its name is taken",
                 stacklevel=2,
             )
             continue

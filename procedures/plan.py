@@ -56,8 +56,8 @@ class Procedure:
 
     `parameters` is a frozen dataclass whose fields come from `parameter`; `plan` gives the runs for one set of
     parameters on one bench, `summarise` joins the results of the measuring runs, in order. `needs` names the
-    signals without which it cannot start, `needs_load_drive` and `needs_lock` the equipment. `on_abort` says what the motor does when
-    the procedure is stopped at any moment.
+    signals without which it cannot start, `needs_load_drive` and `needs_lock` the equipment. `on_abort`
+    says what the motor does when the procedure is stopped at any moment.
     """
 
     name: str
