@@ -24,12 +24,17 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class DriverEntry:
-    """One driver. `bus` is `module:function` of its `BusFactory`, imported only when a bench uses it."""
+    """One driver. `bus` is `module:function` of its `BusFactory`, imported only when a bench uses it.
+
+    `cycle_frames`: data bytes of each frame which one device sends or receives in every control cycle, SYNC
+    apart; the bench file's check computes the bus load from it. Empty where no CAN bus is shared.
+    """
 
     name: str
     kind: Kind
     bus: str
     summary: str
+    cycle_frames: tuple[int, ...] = ()
 
     def load(self) -> BusFactory:
         """Import the bus factory."""
@@ -38,9 +43,13 @@ class DriverEntry:
 
 
 BUILT_IN: tuple[DriverEntry, ...] = (
-    DriverEntry("cia402", Kind.DRIVE, "drivers.canopen.bus:open_bus", "CANopen drive, CiA 402, cyclic synchronous"),
-    DriverEntry("cia406", Kind.ENCODER, "drivers.canopen.bus:open_bus", "CANopen encoder, CiA 406"),
-    DriverEntry("cia404", Kind.TORQUE_SENSOR, "drivers.canopen.bus:open_bus", "CANopen torque transducer, CiA 404"),
+    DriverEntry(
+        "cia402", Kind.DRIVE, "drivers.canopen.bus:open_bus", "CANopen drive, CiA 402, cyclic synchronous", (6, 8)
+    ),
+    DriverEntry("cia406", Kind.ENCODER, "drivers.canopen.bus:open_bus", "CANopen encoder, CiA 406", (4,)),
+    DriverEntry(
+        "cia404", Kind.TORQUE_SENSOR, "drivers.canopen.bus:open_bus", "CANopen torque transducer, CiA 404", (4,)
+    ),
 )
 
 ENTRY_POINT_GROUP = "rig.drivers"

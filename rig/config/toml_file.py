@@ -45,7 +45,19 @@ def parse_toml(text: str, model: type[Model], source: str) -> Model:
         return model.model_validate(data)
     except ValidationError as error:
         mistakes = [
-            Mistake(".".join(str(part) for part in item["loc"]) or "file", item.get("input"), item["msg"])
+            Mistake(
+                ".".join(str(part) for part in item["loc"]) or "file",
+                _shown(item.get("input")),
+                item["msg"].removeprefix("Value error, "),
+            )
             for item in error.errors(include_url=False)
         ]
         raise ConfigError(source, mistakes) from error
+
+
+def _shown(value: object) -> object:
+    """Give a value short enough for a message; whole tables are named, not printed."""
+    if isinstance(value, dict):
+        return "table"
+    text = repr(value)
+    return value if len(text) <= 60 else text[:57] + "..."
