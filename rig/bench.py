@@ -1,0 +1,265 @@
+"""The open bench: all devices of a bench file, one control cycle at a time.
+
+`Bench.cycle` exchanges one cycle with every device and gives the sample as the log wants it; a value that did not
+arrive is absent from it. No policy lives here: limits and the safe state belong to the runner.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, cast
+
+from drivers.clock import Clock
+from drivers.devices import DeviceBus, DeviceConfig, Drive, Sensor, TorqueSensor
+from drivers.errors import ConfigError, CycleError, DriveFaultError, Mistake, NotConnectedError, RigError
+from drivers.registry import all_drivers
+from drivers.types import Axis, DeviceEvent, DeviceInfo, DriveReading, DriveState, Mode, Sample, Setpoint
+from rig.config.bench import BenchFile
+
+STALE_CYCLES = 5
+"""A device that has not answered for this many cycles makes the bench stop."""
+
+Transports = Mapping[tuple[str, str], Any]
+"""Open python-can buses by (interface, channel), for benches whose bus is not opened by name."""
+
+
+class FixtureLock(Protocol):
+    """What locks the output to the frame."""
+
+    def set_lock(self, locked: bool) -> None:
+        """Lock or release the output; returns when it is done. Raises AbortedError if it is refused."""
+
+
+@dataclass(frozen=True, slots=True)
+class CycleReport:
+    """One cycle: the `sample` to log, the same with the last known values filled in, and how many were missing."""
+
+    sample: Sample
+    filled: Sample
+    missing: int
+
+
+class Bench:
+    """Devices of one bench, opened together and closed together."""
+
+    def __init__(
+        self, config: BenchFile, clock: Clock, fixture: FixtureLock | None, transports: Transports | None = None
+    ) -> None:
+        self.config = config
+        self.clock = clock
+        self.fixture = fixture
+        self._transports = transports or {}
+        self._buses: list[DeviceBus] = []
+        self._devices: dict[str, Drive | Sensor] = {}
+        self._modes: dict[Axis, Mode | None] = {Axis.MOTOR: None, Axis.LOAD: None}
+        self._commands: dict[Axis, Setpoint | None] = {Axis.MOTOR: None, Axis.LOAD: None}
+
+    def open(self) -> tuple[DeviceInfo, ...]:
+        """Connect every device; give what each said of itself. Names all that do not answer in one error."""
+        configs = self.config.device_configs()
+        for group in _by_bus(configs).values():
+            bus = self._open_bus(group)
+            self._buses.append(bus)
+            for config in group:
+                self._devices[config.name] = bus.attach(config)
+        infos: list[DeviceInfo] = []
+        missing: dict[str, str] = {}
+        for device in self._devices.values():
+            try:
+                infos.append(device.connect())
+            except NotConnectedError as error:
+                missing |= error.missing
+        if missing:
+            raise NotConnectedError(missing)
+        return tuple(infos)
+
+    def _open_bus(self, group: tuple[DeviceConfig, ...]) -> DeviceBus:
+        first = group[0]
+        factory = all_drivers()[first.driver].load()
+        return factory(group, self.clock, self._transports.get((first.interface, first.channel)))
+
+    def has(self, role: str) -> bool:
+        """Tell whether the bench file names this role."""
+        return role in self.config.devices
+
+    def mode(self, axis: Axis) -> Mode | None:
+        """Give what the axis regulates, None while it is released."""
+        return self._modes[axis]
+
+    def commanded(self, axis: Axis) -> float:
+        """Give the last setpoint of the axis in its mode's unit, 0 while it is released."""
+        setpoint = self._commands[axis]
+        return setpoint.value if setpoint is not None else 0.0
+
+    def apply(self, axis: Axis, setpoint: Setpoint | None) -> bool:
+        """Queue a setpoint, or release the axis with None. Gives True if the drive changed its state for it."""
+        self._commands[axis] = setpoint
+        wanted = setpoint.mode if setpoint is not None else None
+        changed = wanted is not self._modes[axis]
+        if changed:
+            drive = self._drive(axis)
+            if wanted is None:
+                drive.disable()
+            else:
+                drive.enable(wanted)
+            self._modes[axis] = wanted
+        if setpoint is not None:
+            self._drive(axis).write(setpoint.value)
+        return changed
+
+    def cycle(self, time: float, index: int, late: bool) -> CycleReport:
+        """Exchange one cycle. `time` s since the run began, `index` the cycle's number."""
+        for bus in self._buses:
+            bus.exchange()
+        motor = cast(Drive, self._devices["motor"]).read()
+        load = cast(Drive, self._devices["load"]).read() if "load" in self._devices else None
+        encoder = cast(Sensor, self._devices["output_encoder"]).read() if self.has("output_encoder") else None
+        torque = cast(Sensor, self._devices["torque_sensor"]).read() if self.has("torque_sensor") else None
+        motor_command, load_command = self._commands[Axis.MOTOR], self._commands[Axis.LOAD]
+        filled = Sample(
+            time=time,
+            cycle=index,
+            late=int(late),
+            motor_position=motor.position,
+            motor_velocity=motor.velocity,
+            motor_torque=motor.torque,
+            motor_current=motor.current,
+            motor_temperature=motor.temperature,
+            bus_voltage=motor.voltage,
+            status_word=motor.status_word,
+            motor_position_command=_commanded(motor_command, Mode.POSITION),
+            motor_velocity_command=_commanded(motor_command, Mode.VELOCITY),
+            motor_torque_command=_commanded(motor_command, Mode.TORQUE),
+            output_position=encoder.value if encoder is not None else None,
+            output_torque=torque.value if torque is not None else None,
+            load_position=load.position if load is not None else None,
+            load_torque=load.torque if load is not None else None,
+            load_torque_command=_commanded(load_command, Mode.TORQUE),
+            load_status_word=load.status_word if load is not None else None,
+        )
+        ages = {
+            "motor": motor.age,
+            "load": load.age if load is not None else 0,
+            "output_encoder": encoder.age if encoder is not None else 0,
+            "torque_sensor": torque.age if torque is not None else 0,
+        }
+        stale = {name: age for name, age in ages.items() if age > 0}
+        if not stale:
+            return CycleReport(filled, filled, 0)
+        oldest = max(stale.values())
+        if oldest > STALE_CYCLES:
+            raise CycleError(
+                f"No reading from {', '.join(stale)} for {oldest} cycles at {time:.3f} s",
+                late=int(late),
+                missing=oldest,
+                worst_age=oldest * self.config.cycle_time,
+                limit=STALE_CYCLES,
+                hint="Check the device's power and wiring; the log up to here is complete.",
+            )
+        return CycleReport(_without(filled, stale), filled, len(stale))
+
+    def readings(self) -> Mapping[Axis, DriveReading]:
+        """Give the latest reading of each drive."""
+        return {axis: self._drive(axis).read() for axis in Axis if self.has(axis.value)}
+
+    def events(self) -> tuple[DeviceEvent, ...]:
+        """Give what the devices reported by themselves since the last call."""
+        return tuple(event for bus in self._buses for event in bus.events())
+
+    def disable(self) -> Mapping[Axis, DriveState]:
+        """Take the torque from every drive; give the states read back. A drive that fails does not stop the next."""
+        return self._each_drive(lambda drive: drive.disable())
+
+    def quick_stop(self) -> Mapping[Axis, DriveState]:
+        """Stop every drive by its own quick-stop ramp; give the states read back."""
+        return self._each_drive(lambda drive: drive.quick_stop())
+
+    def _each_drive(self, action: Callable[[Drive], DriveState]) -> Mapping[Axis, DriveState]:
+        states: dict[Axis, DriveState] = {}
+        failure: RigError | None = None
+        for axis in Axis:
+            if not self.has(axis.value) or axis.value not in self._devices:
+                continue
+            self._modes[axis] = self._commands[axis] = None
+            try:
+                states[axis] = action(self._drive(axis))
+            except RigError as error:
+                if failure is None:
+                    failure = error
+                else:
+                    failure.add_note(str(error))
+        if failure is not None:
+            raise failure
+        return states
+
+    def tare(self) -> float:
+        """Zero the torque sensor; give the offset it removed, N*m."""
+        sensor = self._devices.get("torque_sensor")
+        if not isinstance(sensor, TorqueSensor):
+            raise ConfigError(
+                self.config.name,
+                [Mistake("devices.torque_sensor", "missing", "an unloaded zero needs a torque sensor")],
+            )
+        return sensor.tare()
+
+    def set_lock(self, locked: bool) -> None:
+        """Lock or release the output through the bench's fixture."""
+        if self.fixture is None:
+            raise ConfigError(
+                self.config.name, [Mistake("fixture.lock", "none", "this procedure locks and releases the output")]
+            )
+        self.fixture.set_lock(locked)
+
+    def close(self) -> None:
+        """Close every device and bus; the first failure is raised when all have been tried."""
+        failures: list[RigError] = []
+        for part in (*self._devices.values(), *self._buses):
+            try:
+                part.close()
+            except RigError as error:
+                failures.append(error)
+        self._devices.clear()
+        self._buses.clear()
+        if failures:
+            for other in failures[1:]:
+                failures[0].add_note(str(other))
+            raise failures[0]
+
+    def _drive(self, axis: Axis) -> Drive:
+        device = self._devices.get(axis.value)
+        if device is None:
+            raise DriveFaultError(axis.value, "is not part of this bench", hint="Name it in the bench file.")
+        return cast(Drive, device)
+
+
+def _by_bus(configs: tuple[DeviceConfig, ...]) -> dict[tuple[str, str, str], tuple[DeviceConfig, ...]]:
+    drivers = all_drivers()
+    groups: dict[tuple[str, str, str], tuple[DeviceConfig, ...]] = {}
+    for config in configs:
+        key = (drivers[config.driver].bus, config.interface, config.channel)
+        groups[key] = (*groups.get(key, ()), config)
+    return groups
+
+
+def _commanded(setpoint: Setpoint | None, mode: Mode) -> float | None:
+    return setpoint.value if setpoint is not None and setpoint.mode is mode else None
+
+
+_FIELDS_OF_ROLE: Mapping[str, tuple[str, ...]] = {
+    "motor": (
+        "motor_position",
+        "motor_velocity",
+        "motor_torque",
+        "motor_current",
+        "motor_temperature",
+        "bus_voltage",
+        "status_word",
+    ),
+    "load": ("load_position", "load_torque", "load_status_word"),
+    "output_encoder": ("output_position",),
+    "torque_sensor": ("output_torque",),
+}
+
+
+def _without(sample: Sample, roles: Mapping[str, int]) -> Sample:
+    absent: dict[str, Any] = {name: None for role in roles for name in _FIELDS_OF_ROLE[role]}
+    return replace(sample, **absent)

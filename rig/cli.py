@@ -1,0 +1,179 @@
+"""The command line. Each command imports what it needs in its body, so that `rig --help` answers at once."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rig.terminal import reporting
+
+app = typer.Typer(
+    name="rig",
+    help="Test-rig software for benches with a motor, a harmonic drive and encoders.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
+Out = Annotated[Path, typer.Option("-o", "--out", help="Folder for what is written.")]
+DutFile = Annotated[Path | None, typer.Option("--dut", help="Device under test (dut.toml).")]
+Runs = Annotated[list[Path], typer.Argument(help="Logs (.mcap, .csv) or folders of logs.", metavar="RUN...")]
+
+
+@app.command()
+def run(
+    procedures: Annotated[list[str], typer.Argument(metavar="PROCEDURE...", help="See `rig procedures`.")],
+    bench: Annotated[str, typer.Option(help="Bench file, or 'sim' for the simulated bench.")] = "sim",
+    dut: DutFile = None,
+    model: Annotated[Path | None, typer.Option(help="Fitted model that the simulated bench runs.")] = None,
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", metavar="PROCEDURE.NAME=VALUE", help="Set a parameter; repeatable.")
+    ] = None,
+    repeat: Annotated[int, typer.Option(min=1, max=1000, help="Run each procedure this often, as replicates.")] = 1,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Simulate against the bench's limits; open no device.")
+    ] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Consent to motion and to every request of a procedure.")] = False,
+    seed: Annotated[int | None, typer.Option(help="Seed of the simulated instruments' noise.")] = None,
+    out: Out = Path("runs"),
+    as_json: Json = False,
+) -> None:
+    """Run procedures on a bench and log each run."""
+    with reporting(as_json):
+        from rig.commands.run import RunOptions, run_command
+
+        run_command(
+            tuple(procedures),
+            RunOptions(bench, dut, model, tuple(settings or ()), repeat, yes, seed, out, as_json),
+            dry_run,
+        )
+
+
+@app.command()
+def procedures(as_json: Json = False) -> None:
+    """List the procedures, their parameters, units and ranges."""
+    with reporting(as_json):
+        from rig.commands.lists import list_procedures
+
+        list_procedures(as_json)
+
+
+@app.command()
+def devices(as_json: Json = False) -> None:
+    """List the device drivers."""
+    with reporting(as_json):
+        from rig.commands.lists import list_devices
+
+        list_devices(as_json)
+
+
+@app.command()
+def effects(as_json: Json = False) -> None:
+    """List the effects that the model and the simulated bench know."""
+    with reporting(as_json):
+        from rig.commands.lists import list_effects
+
+        list_effects(as_json)
+
+
+@app.command()
+def show(
+    log: Annotated[Path, typer.Argument(metavar="RUN", help="A log (.mcap or .csv).")], as_json: Json = False
+) -> None:
+    """Show what a log holds."""
+    with reporting(as_json):
+        from rig.commands.logs import show_command
+
+        show_command(log, as_json)
+
+
+@app.command()
+def recover(
+    log: Annotated[Path, typer.Argument(metavar="RUN", help="A log that was cut off (.mcap).")],
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Where to write; default beside the log.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Save what is readable of a log that was cut off."""
+    with reporting(as_json):
+        from rig.commands.logs import recover_command
+
+        recover_command(log, out, as_json)
+
+
+@app.command()
+def export(
+    logs: Runs,
+    to: Annotated[str, typer.Option("--to", help="hdf5, csv or parquet.")],
+    out: Out = Path("runs"),
+    as_json: Json = False,
+) -> None:
+    """Export logs for other programs."""
+    with reporting(as_json):
+        from rig.commands.logs import export_command
+
+        export_command(tuple(logs), to, out, as_json)
+
+
+@app.command("import")
+def import_(
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="CSV, HDF5, MAT or Parquet files.")],
+    mapping: Annotated[Path, typer.Option("--map", help="Mapping file (map.toml).")],
+    out: Out = Path("runs"),
+    as_json: Json = False,
+) -> None:
+    """Turn foreign recordings into logs."""
+    with reporting(as_json):
+        from rig.commands.logs import import_command
+
+        import_command(tuple(files), mapping, out, as_json)
+
+
+@app.command()
+def loop(
+    logs: Runs,
+    dut: DutFile = None,
+    base: Annotated[Path | None, typer.Option(help="Model to start from (model.json).")] = None,
+    held_out: Annotated[list[str] | None, typer.Option("--held-out", metavar="GLOB", help="Runs to hold out.")] = None,
+    alpha: Annotated[float, typer.Option(min=1e-6, max=0.5, help="False-alarm probability.")] = 0.01,
+    seed: Annotated[int, typer.Option(help="Seed of the split and of the resampling.")] = 0,
+    out: Out = Path("runs/loop"),
+    as_json: Json = False,
+) -> None:
+    """Fit the model, find the residual, trace it to what the model lacks, report the error before and after."""
+    with reporting(as_json):
+        from rig.commands.loop import LoopCommand, loop_command
+
+        loop_command(tuple(logs), LoopCommand(dut, base, tuple(held_out or ()), alpha, seed, out, as_json))
+
+
+@app.command()
+def predict(
+    model: Annotated[Path, typer.Argument(metavar="MODEL", help="A model (model.json).")],
+    logs: Runs,
+    out: Out = Path("runs/predictions"),
+    as_json: Json = False,
+) -> None:
+    """Evaluate a model on logs: prediction and residual of every equation the log allows."""
+    with reporting(as_json):
+        from rig.commands.loop import predict_command
+
+        predict_command(model, tuple(logs), out, as_json)
+
+
+@app.command()
+def demo(
+    seed: Annotated[int | None, typer.Option(help="Seed that draws the undeclared effect; default: drawn.")] = None,
+    out: Out = Path("runs/demo"),
+    as_json: Json = False,
+) -> None:
+    """Tell the whole story on the simulated bench, with an effect that the loop is not told."""
+    with reporting(as_json):
+        from rig.commands.demo import demo_command
+
+        demo_command(seed, out, as_json)
+
+
+def main() -> None:
+    """Run the command line."""
+    app()

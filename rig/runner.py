@@ -1,0 +1,402 @@
+"""Carry out a procedure on a bench, one control cycle at a time, and leave the bench safe whatever happens.
+
+Every cycle: wait for its deadline, exchange with the devices, log the sample, check the limits, give the sample to
+the procedure, queue the setpoints it asks for. The safe state is reached in one place, the `finally` of `execute`;
+it is confirmed by reading the drives' states back, and recorded.
+"""
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Protocol
+
+from drivers.errors import AbortedError, ConfigError, CycleError, LimitError, Mistake, RigError
+from drivers.signals import BY_NAME
+from drivers.types import Axis, DeviceEvent, DriveState, Mode, Sample, Setpoint
+from procedures.intents import Ask, Command, Intent, Mark, Result, SetLock, Steps, Tare
+from rig.bench import Bench
+from rig.config.bench import Reaction
+from rig.log.run import RunEvent
+from rig.operator import Operator
+from rig.stop import Stop
+
+SPEED_WINDOW = 10
+"""Cycles over which the speed for the limit check is averaged; one encoder count per cycle would be too coarse."""
+
+
+class Status(StrEnum):
+    """How a run ended."""
+
+    DONE = "done"
+    LIMIT = "limit"
+    FAULT = "fault"
+    ABORTED = "aborted"
+    ERROR = "error"
+
+
+class RunLog(Protocol):
+    """What the runner writes to."""
+
+    def write(self, sample: Sample) -> None:
+        """Log one sample."""
+
+    def event(self, event: RunEvent) -> None:
+        """Log a phase, a limit, an operator's word."""
+
+    def device_event(self, event: DeviceEvent) -> None:
+        """Log what a device reported by itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """Where a run stands: `time` s, the phase and its expected length (s), the latest sample."""
+
+    time: float
+    phase: str
+    phase_duration: float | None
+    sample: Sample
+
+
+@dataclass(frozen=True, slots=True)
+class SafeState:
+    """How the bench was made safe: the reaction, the states read back, and whether no drive carries torque."""
+
+    reaction: str
+    states: Mapping[str, str] = field(default_factory=dict)
+    confirmed: bool = False
+    problem: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class RunOutcome:
+    """How a run ended and what it gave. `extremes`: largest magnitude of each signal seen, in its SI unit."""
+
+    status: Status
+    result: Result
+    cycles: int
+    late: int
+    missing: int
+    duration: float
+    safe_state: SafeState
+    extremes: Mapping[str, float]
+    error: RigError | None = None
+
+
+def execute(
+    bench: Bench,
+    steps: Steps,
+    log: RunLog,
+    operator: Operator,
+    stop: Stop,
+    on_progress: Callable[[Progress], None] | None = None,
+) -> RunOutcome:
+    """Run the procedure to its end, or to the first limit, fault or request to stop; then make the bench safe.
+
+    A RigError ends the run and is carried in the outcome; any other exception is raised again after the safe state.
+    """
+    run = _Execution(bench, log, operator, stop, on_progress)
+    error: RigError | None = None
+    result = Result()
+    try:
+        result = run.to_the_end(steps)
+    except RigError as caught:
+        error = caught
+        run.say("error", str(caught))
+    finally:
+        steps.close()
+        safe = run.make_safe()
+    return RunOutcome(
+        status=_status(error),
+        result=result,
+        cycles=run.index,
+        late=run.late,
+        missing=run.missing,
+        duration=run.time,
+        safe_state=safe,
+        extremes=run.extremes,
+        error=_with_safe_state(error, safe),
+    )
+
+
+def _status(error: RigError | None) -> Status:
+    if error is None:
+        return Status.DONE
+    if isinstance(error, AbortedError):
+        return Status.ABORTED
+    if isinstance(error, LimitError):
+        return Status.LIMIT
+    return Status.FAULT if error.exit_code == RigError.exit_code else Status.ERROR
+
+
+def _with_safe_state(error: RigError | None, safe: SafeState) -> RigError | None:
+    if error is None:
+        return None
+    done = "the drives confirmed it" if safe.confirmed else "NOT CONFIRMED by the drives, check the bench"
+    error.add_note(f"Reaction: {safe.reaction}; {done}." + (f" {safe.problem}" if safe.problem else ""))
+    if isinstance(error, LimitError):
+        error.reaction, error.confirmed = safe.reaction, safe.confirmed
+    if isinstance(error, AbortedError):
+        error.confirmed = safe.confirmed
+    error.facts |= {"reaction": safe.reaction, "confirmed": safe.confirmed}
+    return error
+
+
+class _Execution:
+    """The state of one run in progress."""
+
+    def __init__(
+        self,
+        bench: Bench,
+        log: RunLog,
+        operator: Operator,
+        stop: Stop,
+        on_progress: Callable[[Progress], None] | None,
+    ) -> None:
+        self._bench = bench
+        self._clock = bench.clock
+        self._limits = bench.config.limits.frozen()
+        self._cycle_time = bench.config.cycle_time
+        self._log = log
+        self._operator = operator
+        self._stop = stop
+        self._on_progress = on_progress
+        self._progress_every = max(1, bench.config.cycle_rate // 5)
+        self._begin = self._deadline = self._clock.now()
+        self._phase = Mark("start")
+        self._first: Sample | None = None
+        self._positions: deque[tuple[float, float]] = deque(maxlen=SPEED_WINDOW + 1)
+        self._released = True
+        self.index = 0
+        self.late = 0
+        self.missing = 0
+        self.time = 0.0
+        self.extremes: dict[str, float] = {}
+
+    def say(self, kind: str, text: str) -> None:
+        """Put an event into the log at the present time."""
+        self._log.event(RunEvent(self.time, kind, text))
+
+    def to_the_end(self, steps: Steps) -> Result:
+        """Drive the generator until it returns."""
+        sample = self._cycle()
+        intent = next(steps)
+        try:
+            while True:
+                if isinstance(intent, Command):
+                    self._command(intent)
+                    sample = self._cycle()
+                    self._check(sample)
+                else:
+                    self._carry_out(intent)
+                intent = steps.send(sample)
+        except StopIteration as end:
+            return end.value if isinstance(end.value, Result) else Result()
+
+    def _carry_out(self, intent: Intent) -> None:
+        match intent:
+            case Mark():
+                self._phase = intent
+                self.say("phase", intent.phase)
+            case SetLock(locked):
+                self._require_released("the output lock may only change")
+                self.say("operator", "lock the output" if locked else "release the output")
+                with self._stop.interruptible(self._phase.phase):
+                    self._bench.set_lock(locked)
+                self._start_new_travel()
+            case Tare():
+                self._require_released("the torque sensor may only be zeroed")
+                self.say("tare", f"removed {self._bench.tare():.6g} N*m")
+                self._reschedule()
+            case Ask(text):
+                self._require_released("the operator may only be asked")
+                self.say("operator", text)
+                with self._stop.interruptible(self._phase.phase):
+                    self._operator.confirm(text)
+                self._reschedule()
+            case Command():
+                raise ValueError("a Command takes a cycle of its own")
+
+    def _require_released(self, what: str) -> None:
+        if not self._released:
+            raise ConfigError(
+                "procedure",
+                [Mistake("intent", "axes energised", f"{what} at zero torque, with both drives released")],
+            )
+
+    def _reschedule(self) -> None:
+        self._deadline = self._clock.now()
+
+    def _start_new_travel(self) -> None:
+        """Count the travel from here on: locking or releasing the output starts a new position."""
+        self._first = None
+        self._reschedule()
+
+    def _command(self, command: Command) -> None:
+        for axis, setpoint in ((Axis.MOTOR, command.motor), (Axis.LOAD, command.load)):
+            if setpoint is None and self._bench.mode(axis) is None:
+                continue
+            if setpoint is not None:
+                self._check_setpoint(axis, setpoint)
+            if self._bench.apply(axis, setpoint):
+                self.say("drive", f"{axis}: {setpoint.mode if setpoint is not None else 'released'}")
+                self._reschedule()
+        self._released = command.motor is None and command.load is None
+
+    def _check_setpoint(self, axis: Axis, setpoint: Setpoint) -> None:
+        bound = self._limits.motor_torque if axis is Axis.MOTOR else self._limits.load_torque
+        signal, unit = f"{axis}_torque_command", "N*m"
+        if setpoint.mode is Mode.VELOCITY:
+            if axis is Axis.LOAD:
+                return
+            bound, signal, unit = self._limits.motor_velocity, "motor_velocity_command", "rad/s"
+        elif setpoint.mode is Mode.POSITION:
+            return
+        if abs(setpoint.value) > bound:
+            raise LimitError(signal, setpoint.value, bound, unit, cycle=self.index, hint="The setpoint was not sent.")
+
+    def _cycle(self) -> Sample:
+        """Run one control cycle and log it; give the sample with the last known values where one was missing."""
+        self._stop.check(self._phase.phase)
+        if self.index:
+            self._deadline += self._cycle_time
+            self._clock.sleep_until(self._deadline)
+        now = self._clock.now()
+        late = now > self._deadline + 0.5 * self._cycle_time
+        if late:
+            self.late += 1
+            self._deadline = now
+        self.time = now - self._begin if self.index else 0.0
+        if not self.index:
+            self._begin = now
+        try:
+            report = self._bench.cycle(self.time, self.index, late)
+        finally:
+            for event in self._bench.events():
+                self._log.device_event(event)
+        self.missing += report.missing
+        self._log.write(report.sample)
+        self.index += 1
+        self._watch(report.filled)
+        if self.late > self._limits.late_cycles or self.missing > self._limits.missing_cycles:
+            raise CycleError(
+                f"Too many late or missing cycles at {self.time:.3f} s",
+                late=self.late,
+                missing=self.missing,
+                worst_age=now - self._deadline if late else self._cycle_time,
+                limit=self._limits.late_cycles if late else self._limits.missing_cycles,
+                hint="Close other programs, lower cycle_rate, or raise the limit in the bench file.",
+            )
+        if self._on_progress is not None and self.index % self._progress_every == 0:
+            self._on_progress(Progress(self.time, self._phase.phase, self._phase.duration, report.filled))
+        return report.filled
+
+    def _watch(self, sample: Sample) -> None:
+        """Keep the extremes and the recent positions from which the speed is taken."""
+        extremes = self.extremes
+        for name in _WATCHED:
+            value = getattr(sample, name)
+            if value is not None and abs(value) > extremes.get(name, -1.0):
+                extremes[name] = abs(value)
+        if self._first is None:
+            self._first = sample
+            self._positions.clear()
+        if sample.motor_position is not None:
+            self._positions.append((sample.time, sample.motor_position))
+            speed = abs(self._speed())
+            if speed > extremes.get("motor_velocity", -1.0):
+                extremes["motor_velocity"] = speed
+
+    def _speed(self) -> float:
+        """Mean motor speed over the last cycles, rad/s."""
+        if len(self._positions) <= SPEED_WINDOW:
+            return 0.0
+        (t0, p0), (t1, p1) = self._positions[0], self._positions[-1]
+        return (p1 - p0) / (t1 - t0) if t1 > t0 else 0.0
+
+    def _check(self, sample: Sample) -> None:
+        """Raise LimitError for the first limit that this sample breaks."""
+        limits, first = self._limits, self._first if self._first is not None else sample
+        self._bound("motor_torque", sample.motor_torque, limits.motor_torque)
+        self._bound("output_torque", sample.output_torque, limits.output_torque)
+        self._bound("load_torque", sample.load_torque, limits.load_torque)
+        self._bound("motor_velocity", self._speed(), limits.motor_velocity)
+        self._bound("temperature", sample.temperature, limits.temperature)
+        self._bound("motor_temperature", sample.motor_temperature, limits.temperature)
+        self._travel("motor_position", sample.motor_position, first.motor_position, limits.motor_travel)
+        self._travel("output_position", sample.output_position, first.output_position, limits.output_travel)
+
+    def _bound(self, signal: str, value: float | None, limit: float) -> None:
+        if value is not None and abs(value) > limit:
+            raise LimitError(signal, value, limit, BY_NAME[signal].unit, cycle=self.index - 1, hint=_LIMIT_HINT)
+
+    def _travel(self, signal: str, value: float | None, start: float | None, limit: float) -> None:
+        if value is not None and start is not None and abs(value - start) > limit:
+            travelled = value - start
+            raise LimitError(
+                signal,
+                travelled,
+                limit,
+                "rad",
+                cycle=self.index - 1,
+                what=f"{signal} travelled {travelled:.6g} rad from the run's start; the limit is {limit:.6g} rad.",
+                hint=_LIMIT_HINT,
+            )
+
+    def make_safe(self) -> SafeState:
+        """Take the torque away by the bench's declared reaction, confirm it, and record it. Raises nothing."""
+        reaction = self._bench.config.safety.reaction
+        problems: list[str] = []
+        states: Mapping[Axis, DriveState] = {}
+        if reaction is Reaction.RAMP:
+            _try(self._ramp_down, problems)
+        else:
+            _try(self._bench.quick_stop, problems)
+        try:
+            states = self._bench.disable()
+        except Exception as error:  # the quick stop is the second way to take the torque away
+            problems.append(f"{type(error).__name__}: {error}")
+            _try(self._bench.quick_stop, problems)
+        confirmed = bool(states) and not any(state.energised for state in states.values())
+        safe = SafeState(
+            reaction=str(reaction),
+            states={str(axis): str(state) for axis, state in states.items()},
+            confirmed=confirmed,
+            problem=" ".join(problems),
+        )
+        shown = ", ".join(f"{axis} {state}" for axis, state in safe.states.items()) or "no state read back"
+        self.say("safe state", f"{safe.reaction}: {shown}; {'confirmed' if confirmed else 'NOT CONFIRMED'}")
+        return safe
+
+    def _ramp_down(self) -> None:
+        """Ramp torque and speed of each energised axis to zero in the declared time; in position mode it holds."""
+        readings = {axis: reading for axis, reading in self._bench.readings().items() if reading.state.energised}
+        start = {
+            axis: (mode, self._bench.commanded(axis))
+            for axis in readings
+            if (mode := self._bench.mode(axis)) is not None
+        }
+        moving = {axis: value for axis, (mode, value) in start.items() if mode is not Mode.POSITION and value}
+        if not moving:
+            return
+        cycles = max(1, round(self._bench.config.safety.ramp_time / self._cycle_time))
+        for k in range(cycles, -1, -1):
+            for axis, (mode, value) in start.items():
+                self._bench.apply(axis, Setpoint(mode, value if mode is Mode.POSITION else value * k / cycles))
+            self._deadline += self._cycle_time
+            self._clock.sleep_until(self._deadline)
+            self.time = self._clock.now() - self._begin
+            self._log.write(self._bench.cycle(self.time, self.index, late=False).sample)
+            self.index += 1
+
+
+_WATCHED = ("motor_torque", "output_torque", "load_torque", "temperature", "motor_temperature")
+
+_LIMIT_HINT = "Check the set-up and the procedure's parameters before raising the limit in the bench file."
+
+
+def _try(action: Callable[[], object], problems: list[str]) -> None:
+    try:
+        action()
+    except Exception as error:  # whatever it was, the next step towards the safe state must still be taken
+        problems.append(f"{type(error).__name__}: {error}")

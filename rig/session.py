@@ -1,0 +1,273 @@
+"""Run procedures on a bench, one log per run, set-up moves apart.
+
+A run that does not end as planned ends the session: a fault or a limit never continues with the next run.
+"""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from drivers.errors import ConfigError, Mistake
+from drivers.types import DeviceInfo
+from procedures.intents import Result
+from procedures.plan import BenchFacts, PlannedRun, Procedure
+from rig.bench import Bench
+from rig.config.bench import Lock
+from rig.config.dut import Dut
+from rig.log.writer import LogWriter
+from rig.operator import Operator
+from rig.provenance import git_state, operator_name, software_version
+from rig.runner import Progress, RunOutcome, Status, execute
+from rig.stop import Stop
+
+SET_UP_FOLDER = "set-up"
+"""Logs of moves between runs go here, so that a folder of logs holds measuring runs only."""
+
+MOTOR_COUNTS = 16384
+OUTPUT_COUNTS = 524288
+"""Encoder counts per revolution assumed where the dut file names none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One procedure with its parameters, to be run `repeat` times as a whole."""
+
+    procedure: Procedure
+    parameters: Any
+    repeat: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class RunRecord:
+    """One run that was carried out: its name, log file, and how it ended."""
+
+    procedure: str
+    name: str
+    file: Path
+    set_up: bool
+    outcome: RunOutcome
+
+
+@dataclass(frozen=True, slots=True)
+class JobRecord:
+    """One procedure that was carried out: its runs and the joint result of the measuring ones."""
+
+    procedure: str
+    runs: tuple[RunRecord, ...]
+    result: Result
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """What every log carries: bench and dut file as written, backend, software, git state, operator."""
+
+    bench_text: str
+    dut_text: str
+    backend: str
+    software: str = field(default_factory=software_version)
+    git: str = field(default_factory=git_state)
+    operator: str = field(default_factory=operator_name)
+
+
+@dataclass(frozen=True, slots=True)
+class Watcher:
+    """Who is told what happens: each run before it starts, its progress, and its end."""
+
+    on_run: Callable[[str, PlannedRun, int, int], None] = lambda *_: None
+    on_progress: Callable[[Progress], None] = lambda _: None
+    on_end: Callable[[RunRecord], None] = lambda _: None
+
+
+def bench_facts(bench: Bench, dut: Dut) -> BenchFacts:
+    """Give what procedures may know of bench and device. Raises ConfigError if the dut lacks what they all need."""
+    gear, limits = dut.gear, bench.config.limits.frozen()
+    missing = [
+        Mistake(f"gear.{name}", None, "missing; the procedures scale their torques and speeds by it")
+        for name in ("ratio", "rated_torque")
+        if getattr(gear, name) is None
+    ]
+    if gear.ratio is None or gear.rated_torque is None:
+        raise ConfigError(f"dut '{dut.name}'", missing)
+    starting = gear.starting_torque or 0.1 * gear.rated_torque / gear.ratio
+    return BenchFacts(
+        ratio=gear.ratio,
+        rated_torque=gear.rated_torque,
+        starting_torque=starting,
+        backdriving_torque=gear.backdriving_torque or 1.7 * starting * gear.ratio,
+        motor_counts=dut.motor.encoder_counts or MOTOR_COUNTS,
+        output_counts=dut.output.encoder_counts or OUTPUT_COUNTS,
+        cycle_time=bench.config.cycle_time,
+        limits=limits,
+        has_load_drive=bench.has("load"),
+        has_lock=bench.config.fixture.lock is not Lock.NONE,
+        has_output_encoder=bench.has("output_encoder"),
+        has_torque_sensor=bench.has("torque_sensor"),
+    )
+
+
+def check_equipment(job: Job, facts: BenchFacts) -> None:
+    """Raise ConfigError if the bench lacks what the procedure needs, before anything moves."""
+    procedure = job.procedure
+    signals = {"motor_position", "motor_torque"}
+    signals |= {"output_position"} if facts.has_output_encoder else set()
+    signals |= {"output_torque"} if facts.has_torque_sensor else set()
+    signals |= {"load_torque", "load_position"} if facts.has_load_drive else set()
+    mistakes = [
+        Mistake(procedure.name, name, "needs this signal, which no device of the bench gives")
+        for name in procedure.needs
+        if name not in signals
+    ]
+    if procedure.needs_load_drive and not facts.has_load_drive:
+        mistakes.append(Mistake(procedure.name, "load", "needs a load drive (devices.load)"))
+    if procedure.needs_lock and not facts.has_lock:
+        mistakes.append(Mistake(procedure.name, "fixture.lock", "needs an output that can be locked"))
+    if mistakes:
+        raise ConfigError("bench", mistakes)
+
+
+def run_jobs(
+    bench: Bench,
+    jobs: Sequence[Job],
+    dut: Dut,
+    provenance: Provenance,
+    out: Path,
+    operator: Operator,
+    stop: Stop,
+    watcher: Watcher | None = None,
+) -> tuple[JobRecord, ...]:
+    """Run every job on the opened bench and log into `out`. Raises the error that ended a run early."""
+    watcher = watcher or Watcher()
+    facts = bench_facts(bench, dut)
+    plans: list[tuple[Job, tuple[PlannedRun, ...]]] = []
+    for job in jobs:
+        check_equipment(job, facts)
+        plans.append((job, _repeated(job.procedure.plan(job.parameters, facts), job.repeat)))
+    infos = bench.open()
+    records = []
+    for job, plan in plans:
+        runs = []
+        for number, planned in enumerate(plan, start=1):
+            watcher.on_run(job.procedure.name, planned, number, len(plan))
+            record = _run(bench, job, planned, dut, provenance, infos, out, operator, stop, watcher)
+            watcher.on_end(record)
+            runs.append(record)
+            if record.outcome.error is not None:
+                record.outcome.error.add_note(f"The log up to here is complete: {record.file}")
+                raise record.outcome.error
+        measured = tuple(record.outcome.result for record in runs if not record.set_up)
+        records.append(JobRecord(job.procedure.name, tuple(runs), job.procedure.summarise(measured)))
+    return tuple(records)
+
+
+def _repeated(plan: tuple[PlannedRun, ...], repeat: int) -> tuple[PlannedRun, ...]:
+    """Repeat a whole plan; repeats of one run are replicates of each other."""
+    if repeat == 1:
+        return plan
+    return tuple(
+        replace(run, name=f"{run.name}-repeat{number}", replicate=None if run.set_up else run.replicate or run.name)
+        for number in range(1, repeat + 1)
+        for run in plan
+    )
+
+
+def _run(
+    bench: Bench,
+    job: Job,
+    planned: PlannedRun,
+    dut: Dut,
+    provenance: Provenance,
+    infos: tuple[DeviceInfo, ...],
+    out: Path,
+    operator: Operator,
+    stop: Stop,
+    watcher: Watcher,
+) -> RunRecord:
+    folder = out / SET_UP_FOLDER if planned.set_up else out
+    file = _free_name(folder, f"{job.procedure.name}-{planned.name}")
+    begin_ns = bench.clock.epoch_ns() + round(bench.clock.now() * 1e9)
+    info = {
+        "run_id": f"{file.stem}@{begin_ns}",
+        "procedure": "other" if planned.set_up else job.procedure.name,
+        "parameters": json.dumps(asdict(job.parameters)),
+        "replicate": planned.replicate,
+        "start_angle": None if planned.start_angle is None else repr(planned.start_angle),
+        "operator": provenance.operator,
+        "dut": dut.name,
+        "bench": bench.config.name,
+        "backend": provenance.backend,
+        "software": provenance.software,
+        "git": provenance.git,
+        "epoch_ns": str(begin_ns),
+        "started": datetime.fromtimestamp(begin_ns / 1e9, UTC).isoformat(),
+        "devices": json.dumps([_device(info) for info in infos]),
+    }
+    log = LogWriter(
+        file,
+        {key: value for key, value in info.items() if value},
+        attachments={"bench.toml": provenance.bench_text.encode(), "dut.toml": provenance.dut_text.encode()},
+        cycle_rate=bench.config.cycle_rate,
+        epoch_ns=begin_ns,
+    )
+    outcome: RunOutcome | None = None
+    try:
+        outcome = execute(bench, planned.steps(), log, operator, stop, watcher.on_progress)
+    finally:
+        log.close(_outcome_record(outcome))
+    return RunRecord(job.procedure.name, planned.name, file, planned.set_up, outcome)
+
+
+def _device(info: DeviceInfo) -> dict[str, object]:
+    return {
+        "name": info.name,
+        "driver": info.driver,
+        "address": info.address,
+        "identity": dict(info.identity),
+        "changed": [list(change) for change in info.changed],
+        "warnings": list(info.warnings),
+    }
+
+
+def _outcome_record(outcome: RunOutcome | None) -> Mapping[str, str]:
+    """Give the log's closing record; an outcome of None means that the program itself failed."""
+    if outcome is None:
+        return {"status": str(Status.ERROR), "error": "the program failed; see its message"}
+    safe = outcome.safe_state
+    record = {
+        "status": str(outcome.status),
+        "cycles": str(outcome.cycles),
+        "late": str(outcome.late),
+        "missing": str(outcome.missing),
+        "duration": f"{outcome.duration:.6f}",
+        "safe_state": json.dumps({"reaction": safe.reaction, "states": dict(safe.states), "problem": safe.problem}),
+        "safe_state_confirmed": str(safe.confirmed).lower(),
+        "extremes": json.dumps(dict(outcome.extremes)),
+        "measurements": json.dumps([asdict(m) for m in outcome.result.measurements]),
+    }
+    if outcome.error is not None:
+        record["error"] = str(outcome.error)
+    return record
+
+
+def _free_name(folder: Path, stem: str) -> Path:
+    """Give a file name that no other run of this folder has taken."""
+    candidate, number = folder / f"{stem}.mcap", 2
+    while candidate.exists():
+        candidate, number = folder / f"{stem}_{number}.mcap", number + 1
+    return candidate
+
+
+def margin_table(record: RunRecord, bench: Bench) -> tuple[tuple[str, float, float], ...]:
+    """Give (signal, largest magnitude, limit) for every bounded signal of a run."""
+    limits = bench.config.limits.frozen()
+    bounds = {
+        "motor_torque": limits.motor_torque,
+        "motor_velocity": limits.motor_velocity,
+        "output_torque": limits.output_torque,
+        "load_torque": limits.load_torque,
+    }
+    return tuple(
+        (name, record.outcome.extremes[name], b) for name, b in bounds.items() if name in record.outcome.extremes
+    )

@@ -1,0 +1,56 @@
+"""Signals that stop a run: they only set a flag, which the runner looks at in every cycle."""
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+from drivers.errors import AbortedError
+
+STOP_SIGNALS = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)
+)
+
+
+class Stop:
+    """Whether somebody asked to stop, and who. A second signal changes nothing."""
+
+    def __init__(self) -> None:
+        self.by: str | None = None
+        self._waiting_for_a_person = False
+
+    def request(self, by: str) -> None:
+        """Ask the run to stop at its next cycle."""
+        if self.by is None:
+            self.by = by
+
+    def check(self, phase: str) -> None:
+        """Raise AbortedError if a stop was asked for."""
+        if self.by is not None:
+            raise AbortedError(self.by, phase=phase)
+
+    @contextmanager
+    def interruptible(self, phase: str) -> Iterator[None]:
+        """Let a signal end the enclosed wait for a person at once; no axis may be energised in it."""
+        self.check(phase)
+        self._waiting_for_a_person = True
+        try:
+            yield
+        finally:
+            self._waiting_for_a_person = False
+
+    @contextmanager
+    def listening(self) -> Iterator["Stop"]:
+        """Turn the process's stop signals into requests while the block runs."""
+
+        def on_signal(number: int, _frame: FrameType | None) -> None:
+            self.request(signal.Signals(number).name)
+            if self._waiting_for_a_person:
+                raise AbortedError(signal.Signals(number).name, phase="waiting for the operator")
+
+        before = {number: signal.signal(number, on_signal) for number in STOP_SIGNALS}
+        try:
+            yield self
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
