@@ -1,0 +1,116 @@
+import math
+
+import pytest
+
+from drivers.errors import ConfigError
+from drivers.signals import BY_NAME
+from rig.config.bench import ROLES, SIGNED_SIGNALS, BenchFile, Reaction, frame_bits, load_bench
+from rig.config.toml_file import parse_toml
+
+SIM = load_bench("sim")[1]
+
+
+def broken(*changes: tuple[str, str]) -> ConfigError:
+    text = SIM
+    for old, new in changes:
+        assert old in text, f"{old!r} is not in the shipped bench file"
+        text = text.replace(old, new)
+    with pytest.raises(ConfigError) as caught:
+        parse_toml(text, BenchFile, "bench.toml")
+    return caught.value
+
+
+def test_shipped_bench_is_valid_and_complete():
+    bench, _ = load_bench("sim")
+    assert set(bench.devices) == set(ROLES)
+    assert bench.simulated
+    assert bench.safety.reaction is Reaction.RAMP
+
+
+def test_an_undeclared_bound_is_infinite_and_a_declared_one_is_kept():
+    limits = load_bench("sim")[0].limits.frozen()
+    assert limits.motor_travel == math.inf
+    assert limits.motor_torque == 0.25
+
+
+def test_every_mistake_is_reported_at_once_with_its_path():
+    error = broken(
+        ("motor_torque = 0.25", "motor_torque = -0.25"),
+        ("[safety]", "[safty]"),
+        ("cia406", "cia999"),
+        ('reaction = "ramp"', 'reaction = "hope"'),
+    )
+    text = str(error)
+    for path in ("limits.motor_torque", "safty", "output_encoder.driver"):
+        assert path in text
+    assert error.exit_code == 2
+    assert len(error.mistakes) >= 3
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "path"),
+    [
+        ("cycle_rate = 1000", "cycle_rate = 0", "cycle_rate"),
+        ("cycle_rate = 1000", 'cycle_rate = "fast"', "cycle_rate"),
+        ("node = 1\n", "node = 128\n", "devices.motor.node"),
+        ("output_torque = 30.0", "output_torque = nan", "limits.output_torque"),
+        ("late_cycles = 0", "late_cycles = 0.5", "limits.late_cycles"),
+        ('lock = "simulated"', 'lock = "glue"', "fixture.lock"),
+    ],
+)
+def test_a_value_out_of_range_is_named_by_its_path(old, new, path):
+    assert path in str(broken((old, new)))
+
+
+def test_two_devices_with_one_node_id_are_refused():
+    assert "share a node id" in str(broken(("node = 2\n", "node = 1\n")))
+
+
+def test_a_missing_motor_is_refused():
+    assert "motor: missing" in str(broken(("[devices.motor]", "[devices.output_encoder2]")))
+
+
+def test_a_bus_that_cannot_carry_the_cycle_is_refused_with_its_load():
+    error = broken(('channel = "bench"', 'channel = "bench"\nbitrate = 500000'))
+    assert "load 149%" in str(error)
+    assert "limit 80%" in str(error)
+
+
+def test_bus_load_of_the_three_device_bus_counts_every_bit():
+    # SYNC 55, two drives of 115 + 135, encoder 95, torque sensor 95: 745 bits of 1000 at 1 kHz and 1 Mbit/s
+    assert load_bench("sim")[0].bus_loads() == {("simulated", "bench"): pytest.approx(0.745)}
+
+
+@pytest.mark.parametrize(("size", "bits"), [(0, 55), (8, 135)])
+def test_worst_case_frame_lengths_are_those_of_the_can_standard(size, bits):
+    assert frame_bits(size) == bits
+
+
+def test_udp_multicast_is_refused_by_name():
+    assert "udp_multicast" in str(broken(('interface = "simulated"', 'interface = "udp_multicast"')))
+
+
+def test_simulated_and_real_devices_are_not_mixed_silently():
+    error = broken(
+        ("[devices.motor]                   # the motor under test, on the wave generator\n", "[devices.motor]\n"),
+        ('interface = "simulated"\nchannel = "bench"\nnode = 1', 'interface = "slcan"\nchannel = "p"\nnode = 1'),
+    )
+    assert "mixed" in str(error)
+
+
+def test_signed_channels_are_signals_of_the_table():
+    assert {name for names in SIGNED_SIGNALS.values() for name in names} <= set(BY_NAME)
+
+
+@pytest.mark.parametrize("content", [b"\xff\xfe", b"a = [", b"[" * 100_000, b"x" * 2_000_000])
+def test_a_file_that_is_no_toml_is_a_config_error(tmp_path, content):
+    path = tmp_path / "bench.toml"
+    path.write_bytes(content)
+    with pytest.raises(ConfigError) as caught:
+        load_bench(str(path))
+    assert str(path) in str(caught.value)
+
+
+def test_a_missing_file_is_a_config_error(tmp_path):
+    with pytest.raises(ConfigError):
+        load_bench(str(tmp_path / "none.toml"))

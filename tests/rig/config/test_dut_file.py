@@ -1,0 +1,48 @@
+import pytest
+
+from drivers.errors import ConfigError
+from rig.config.dut import Dut, Rotation, default_dut, load_dut
+from rig.config.toml_file import parse_toml
+
+
+def test_only_the_name_is_needed():
+    dut = parse_toml('name = "x"', Dut, "dut.toml")
+    assert dut.gear.ratio is None
+    assert dut.gear.rotation is Rotation.OPPOSED
+
+
+def test_every_key_of_the_contract_is_read():
+    dut, _ = default_dut()
+    assert (dut.gear.ratio, dut.gear.K1, dut.gear.T2) == (100.0, 8.4e3, 12.0)
+    assert (dut.motor.encoder_counts, dut.motor.pole_pairs, dut.output.encoder_counts) == (16384, 7, 524288)
+
+
+def test_a_whole_number_serves_where_a_real_number_is_meant():
+    assert parse_toml('name = "x"\n[gear]\nratio = 50', Dut, "dut.toml").gear.ratio == 50.0
+
+
+@pytest.mark.parametrize(
+    ("line", "path"),
+    [
+        ("[gear]\nratio = -100", "gear.ratio"),
+        ("[gear]\nratio = inf", "gear.ratio"),
+        ("[gear]\nratio = true", "gear.ratio"),
+        ("[gear]\nratoi = 100", "gear.ratoi"),
+        ('[gear]\nrotation = "left"', "gear.rotation"),
+        ("[gear]\nT1 = 5\nT2 = 4", "T2"),
+        ("[motor]\nencoder_counts = 0", "motor.encoder_counts"),
+        ("[motor]\nencoder_counts = 2.5", "motor.encoder_counts"),
+        ("[output]\ninertia = 0", "output.inertia"),
+        ("[wheel]\nsize = 3", "wheel"),
+    ],
+)
+def test_what_is_impossible_is_named_by_its_path(line, path):
+    with pytest.raises(ConfigError) as caught:
+        parse_toml(f'name = "x"\n{line}', Dut, "dut.toml")
+    assert path in str(caught.value)
+
+
+def test_the_text_as_written_comes_with_the_values(tmp_path):
+    path = tmp_path / "dut.toml"
+    path.write_text('name = "x"  # a remark\n')
+    assert load_dut(path)[1] == 'name = "x"  # a remark\n'
