@@ -1,0 +1,275 @@
+"""`rig run`: open the bench, run the procedures, log every run; or walk through them in simulation (dry run)."""
+
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from drivers.clock import Clock, RealClock
+from drivers.errors import AbortedError, ConfigError, LimitError, Mistake, RigError
+from procedures.intents import Measurement, Result
+from procedures.plan import PlannedRun, Procedure, build_parameters
+from procedures.registry import PROCEDURES
+from rig.bench import Bench, FixtureLock
+from rig.config.bench import BenchFile, Lock, load_bench
+from rig.config.dut import Dut, default_dut, load_dut
+from rig.loop.model_file import Model, load_model
+from rig.operator import ConsentGiven, Operator, SimulatedOperator, TerminalOperator
+from rig.runner import Progress
+from rig.session import Job, JobRecord, Provenance, RunRecord, Watcher, bench_facts, margin_table, run_jobs
+from rig.simulation import as_simulated, simulate
+from rig.stop import Stop
+from rig.terminal import emit, tell
+
+
+@dataclass(frozen=True, slots=True)
+class RunOptions:
+    """The options of `rig run`, as given."""
+
+    bench: str
+    dut: Path | None
+    model: Path | None
+    settings: tuple[str, ...]
+    repeat: int
+    yes: bool
+    seed: int | None
+    out: Path
+    as_json: bool
+
+
+class OperatorLock:
+    """A fixture that the operator closes and opens by hand."""
+
+    def __init__(self, operator: Operator) -> None:
+        self._operator = operator
+
+    def set_lock(self, locked: bool) -> None:
+        """Ask, and return when it is confirmed."""
+        self._operator.confirm("Lock the output to the frame." if locked else "Release the output from the frame.")
+
+
+def run_command(names: tuple[str, ...], options: RunOptions, dry_run: bool) -> None:
+    """Run the named procedures as the options say."""
+    jobs = _jobs(names, options)
+    bench_file, bench_text = load_bench(options.bench)
+    model = load_model(options.model) if options.model is not None else None
+    if model is not None and not (bench_file.simulated or dry_run):
+        raise ConfigError("--model", [Mistake("--model", str(options.model), "only the simulated bench runs a model")])
+    dut, dut_text = _dut(options.dut, model)
+    if dry_run:
+        _dry_run(jobs, bench_file, dut, model, options)
+        return
+    with Stop().listening() as stop:
+        bench, operator, backend, assumed = _make_bench(bench_file, dut, model, options)
+        for line in assumed:
+            tell(f"assumed: {line}")
+        if not bench_file.simulated:
+            operator.confirm(f"The motor of bench '{bench_file.name}' is going to move. Is the bench clear?")
+        watcher = _watcher(options.as_json)
+        try:
+            records = run_jobs(
+                bench, jobs, dut, Provenance(bench_text, dut_text, backend), options.out, operator, stop, watcher
+            )
+        except RigError as error:
+            _close(bench, error)
+            raise
+        _close(bench, None)
+    _report(records, options)
+
+
+def _jobs(names: tuple[str, ...], options: RunOptions) -> tuple[Job, ...]:
+    """Give one job per procedure named; every unknown procedure and setting is reported at once."""
+    mistakes = [
+        Mistake("PROCEDURE", name, f"unknown; there are {', '.join(PROCEDURES)}")
+        for name in names
+        if name not in PROCEDURES
+    ]
+    settings: dict[str, dict[str, str]] = {name: {} for name in names}
+    for setting in options.settings:
+        path, equals, value = setting.partition("=")
+        procedure, dot, parameter = path.partition(".")
+        if not (equals and dot):
+            mistakes.append(Mistake("--set", setting, "expected PROCEDURE.NAME=VALUE"))
+        elif procedure not in settings:
+            mistakes.append(Mistake("--set", setting, f"'{procedure}' is not among the procedures of this run"))
+        else:
+            settings[procedure][parameter] = value
+    jobs = []
+    for name in names:
+        if name not in PROCEDURES:
+            continue
+        procedure: Procedure = PROCEDURES[name]
+        try:
+            jobs.append(Job(procedure, build_parameters(procedure, settings[name]), options.repeat))
+        except ConfigError as error:
+            mistakes.extend(error.mistakes)
+    if mistakes:
+        raise ConfigError("command line", mistakes, hint="`rig procedures` lists what there is.")
+    return tuple(jobs)
+
+
+def _dut(path: Path | None, model: Model | None) -> tuple[Dut, str]:
+    """Give the device under test: the file named, else the model's, else the one on the shipped bench."""
+    if path is not None:
+        return load_dut(path)
+    if model is not None:
+        return model.dut, model.dut_text()
+    return default_dut()
+
+
+def _make_bench(
+    bench_file: BenchFile, dut: Dut, model: Model | None, options: RunOptions
+) -> tuple[Bench, Operator, str, tuple[str, ...]]:
+    """Give the bench (not opened yet), who operates it, the backend's name, and what was assumed."""
+    if bench_file.simulated:
+        simulated = simulate(bench_file, dut, model, seed=options.seed)
+        return simulated.bench, SimulatedOperator(), "simulated", simulated.assumed
+    clock: Clock = RealClock()
+    operator: Operator = ConsentGiven(tell) if options.yes else TerminalOperator()
+    fixture: FixtureLock | None = OperatorLock(operator) if bench_file.fixture.lock is Lock.OPERATOR else None
+    return Bench(bench_file, clock, fixture), operator, "hardware", ()
+
+
+def _close(bench: Bench, error: RigError | None) -> None:
+    """Close the bench; a failure to close is added to the error that came first."""
+    try:
+        bench.close()
+    except RigError as closing:
+        if error is None:
+            raise
+        error.add_note(f"Closing the bench failed too: {closing}")
+
+
+def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Model | None, options: RunOptions) -> None:
+    """Run on a simulated copy of the bench against its limits; print phases, extremes, durations, assumptions."""
+    stand_in = as_simulated(bench_file)
+    with Stop().listening() as stop, tempfile.TemporaryDirectory() as folder:
+        simulated = simulate(stand_in, dut, model, seed=options.seed)
+        phases: list[tuple[str, str]] = []
+        records: list[RunRecord] = []
+        watcher = Watcher(
+            on_run=lambda procedure, planned, *_: phases.append((procedure, planned.name)), on_end=records.append
+        )
+        try:
+            run_jobs(
+                simulated.bench,
+                jobs,
+                dut,
+                Provenance("", "", "dry run"),
+                Path(folder),
+                SimulatedOperator(),
+                stop,
+                watcher,
+            )
+        except LimitError as error:
+            simulated.bench.close()
+            raise ConfigError(
+                "dry run",
+                [Mistake(error.signal, f"{error.value:.6g} {error.unit}", f"would break the limit: {error.message}")],
+                hint="Nothing was moved. Change the procedure's parameters, or the limit if the bench can bear it.",
+            ) from error
+        except AbortedError:
+            simulated.bench.close()
+            raise
+        simulated.bench.close()
+    duration = sum(record.outcome.duration for record in records)
+    rows = [
+        {
+            "run": f"{record.procedure}-{record.name}",
+            "set_up": record.set_up,
+            "duration_s": record.outcome.duration,
+            "extremes": {name: [value, limit] for name, value, limit in margin_table(record, simulated.bench)},
+        }
+        for record in records
+    ]
+    if options.as_json:
+        emit({"dry_run": rows, "duration_s": duration, "assumed": list(simulated.assumed)})
+        return
+    table = Table(title="Dry run: nothing was moved", header_style="bold")
+    for heading in ("run", "seconds", "largest, with its limit"):
+        table.add_column(heading)
+    for record in records:
+        extremes = ", ".join(f"{n} {v:.4g} of {b:.4g}" for n, v, b in margin_table(record, simulated.bench))
+        table.add_row(f"{record.procedure}-{record.name}", f"{record.outcome.duration:.1f}", extremes)
+    Console().print(table)
+    tell(f"{len(records)} runs, {duration / 60:.1f} minutes of bench time")
+    for line in simulated.assumed:
+        tell(f"assumed: {line}")
+
+
+def _watcher(as_json: bool) -> Watcher:
+    """Tell the person at the terminal which run is under way and what it gave."""
+    if as_json:
+        return Watcher()
+    console = Console(stderr=True)
+    status = console.status("") if console.is_terminal else None
+
+    def on_run(procedure: str, planned: PlannedRun, number: int, of: int) -> None:
+        if status is not None:
+            status.start()
+            status.update(f"{procedure} {number}/{of}: {planned.name}")
+
+    def on_progress(progress: Progress) -> None:
+        if status is not None:
+            torque = progress.sample.motor_torque
+            shown = f"motor {torque:+.4f} N*m" if torque is not None else ""
+            status.update(f"{progress.phase}, {progress.time:.1f} s  {shown}")
+
+    def on_end(record: RunRecord) -> None:
+        if status is not None:
+            status.stop()
+        if not record.set_up:
+            console.print(
+                f"{record.outcome.status:8} {record.outcome.duration:7.1f} s  {record.file}", highlight=False
+            )
+
+    return Watcher(on_run, on_progress, on_end)
+
+
+def _report(records: tuple[JobRecord, ...], options: RunOptions) -> None:
+    """Print what each procedure measured."""
+    if options.as_json:
+        emit(
+            {
+                "procedures": [
+                    {
+                        "procedure": record.procedure,
+                        "runs": [
+                            {
+                                "file": str(run.file),
+                                "set_up": run.set_up,
+                                "status": str(run.outcome.status),
+                                "duration_s": run.outcome.duration,
+                                "safe_state_confirmed": run.outcome.safe_state.confirmed,
+                                "measurements": [_measurement(m) for m in run.outcome.result.measurements],
+                            }
+                            for run in record.runs
+                        ],
+                        "measurements": [_measurement(m) for m in record.result.measurements],
+                    }
+                    for record in records
+                ]
+            }
+        )
+        return
+    console = Console()
+    for record in records:
+        console.print(result_table(record.procedure, record.result))
+    tell(f"Logs in {options.out}. Next: rig loop {options.out}")
+
+
+def result_table(title: str, result: Result) -> Table:
+    """Give a procedure's measurements as a table."""
+    table = Table(title=title, title_justify="left", header_style="bold")
+    for heading in ("quantity", "value", "±", "unit", "meaning"):
+        table.add_column(heading)
+    for m in result.measurements:
+        spread = f"{m.uncertainty:.2g}" if m.uncertainty is not None else ""
+        table.add_row(m.name, f"{m.value:.5g}", spread, m.unit, m.meaning)
+    return table
+
+
+def _measurement(m: Measurement) -> dict[str, object]:
+    return {"name": m.name, "value": m.value, "unit": m.unit, "uncertainty": m.uncertainty, "meaning": m.meaning}

@@ -1,0 +1,1 @@
+"""Benchmarks, run on demand (`make bench`); they print ratios of one run and assert nothing."""
