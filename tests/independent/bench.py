@@ -23,7 +23,7 @@ Numbers = NDArray[np.float64] | float
 Signals = tuple[Floats, Floats, Floats, Floats]
 """motor_position, output_position (rad), motor_torque, output_torque (N*m), each of shape (n,)."""
 
-ITERATIONS = 200
+ITERATIONS = 100
 SETTLED = 1e-11
 """rad at the motor, far below anything an encoder sees."""
 

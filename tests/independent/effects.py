@@ -5,8 +5,9 @@ Each function says where it acts; the bench (`bench.py`) lets it act there.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -86,6 +87,22 @@ def draw(effect: str, rng: np.random.Generator) -> Effects:
     raise ValueError(f"no second formula for effect {effect!r}")
 
 
+def _one_kinematic_error(motor_position: ArrayLike, amplitude: float, order: float, phase: float) -> Floats:
+    return kinematic_error(motor_position, [Line(order, amplitude, phase)])
+
+
+def _one_kinematic_error_slope(motor_position: ArrayLike, amplitude: float, order: float, phase: float) -> Floats:
+    return kinematic_error_slope(motor_position, [Line(order, amplitude, phase)])
+
+
+def _one_cogging(motor_position: ArrayLike, amplitude: float, order: float, phase: float) -> Floats:
+    return cogging(motor_position, [Line(order, amplitude, phase)])
+
+
+def _one_gravity_load(output_position: ArrayLike, amplitude: float, phase: float) -> Floats:
+    return gravity_load(output_position, Arm(amplitude, phase))
+
+
 def _rotating_vectors(angle: ArrayLike, lines: Sequence[Line], *, turned_ahead: bool) -> Floats:
     """Sum the imaginary parts of amplitude * exp(j(order * angle + phase)), or of its derivative by the angle."""
     theta = np.asarray(angle, dtype=float)
@@ -94,3 +111,16 @@ def _rotating_vectors(angle: ArrayLike, lines: Sequence[Line], *, turned_ahead: 
         vector = line.amplitude * np.exp(1j * line.phase) * np.exp(1j * line.order * theta)
         total = total + (1j * line.order * vector if turned_ahead else vector)
     return np.asarray(total.imag)
+
+
+SECOND_FORMULAS: Mapping[str, Callable[..., Floats]] = MappingProxyType(
+    {
+        KINEMATIC_ERROR: _one_kinematic_error,
+        COGGING: _one_cogging,
+        GRAVITY_LOAD: _one_gravity_load,
+    }
+)
+"""By catalogue id: the effect as a function of its signals and parameters, by name."""
+
+SECOND_SLOPES: Mapping[str, Callable[..., Floats]] = MappingProxyType({KINEMATIC_ERROR: _one_kinematic_error_slope})
+"""By catalogue id: the derivative by motor_position of the effects in the torsion."""
