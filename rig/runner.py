@@ -5,24 +5,20 @@ the procedure, queue the setpoints it asks for. The safe state is reached in one
 it is confirmed by reading the drives' states back, and recorded.
 """
 
-from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Protocol
 
 from drivers.errors import AbortedError, ConfigError, CycleError, LimitError, Mistake, RigError
-from drivers.signals import BY_NAME
 from drivers.types import Axis, DeviceEvent, DriveState, Mode, Sample, Setpoint
 from procedures.intents import Ask, Command, Intent, Mark, Result, SetLock, Steps, Tare
 from rig.bench import Bench
 from rig.config.bench import Reaction
+from rig.limits import LimitWatch
 from rig.log.run import RunEvent
 from rig.operator import Operator
 from rig.stop import Stop
-
-SPEED_WINDOW = 10
-"""Cycles over which the speed for the limit check is averaged; one encoder count per cycle would be too coarse."""
 
 
 class Status(StrEnum):
@@ -114,7 +110,7 @@ def execute(
         missing=run.missing,
         duration=run.time,
         safe_state=safe,
-        extremes=run.extremes,
+        extremes=run.watch.extremes,
         error=_with_safe_state(error, safe),
     )
 
@@ -156,6 +152,7 @@ class _Execution:
         self._bench = bench
         self._clock = bench.clock
         self._limits = bench.config.limits.frozen()
+        self.watch = LimitWatch(self._limits)
         self._cycle_time = bench.config.cycle_time
         self._log = log
         self._operator = operator
@@ -164,14 +161,11 @@ class _Execution:
         self._progress_every = max(1, bench.config.cycle_rate // 5)
         self._begin = self._deadline = self._clock.now()
         self._phase = Mark("start")
-        self._first: Sample | None = None
-        self._positions: deque[tuple[float, float]] = deque(maxlen=SPEED_WINDOW + 1)
         self._released = True
         self.index = 0
         self.late = 0
         self.missing = 0
         self.time = 0.0
-        self.extremes: dict[str, float] = {}
 
     def say(self, kind: str, text: str) -> None:
         """Put an event into the log at the present time."""
@@ -186,7 +180,7 @@ class _Execution:
                 if isinstance(intent, Command):
                     self._command(intent)
                     sample = self._cycle()
-                    self._check(sample)
+                    self.watch.check(sample)
                 else:
                     self._carry_out(intent)
                 intent = steps.send(sample)
@@ -203,7 +197,8 @@ class _Execution:
                 self.say("operator", "lock the output" if locked else "release the output")
                 with self._stop.interruptible(self._phase.phase):
                     self._bench.set_lock(locked)
-                self._start_new_travel()
+                self.watch.start_travel()
+                self._reschedule()
             case Tare():
                 self._require_released("the torque sensor may only be zeroed")
                 self.say("tare", f"removed {self._bench.tare():.6g} N*m")
@@ -227,33 +222,16 @@ class _Execution:
     def _reschedule(self) -> None:
         self._deadline = self._clock.now()
 
-    def _start_new_travel(self) -> None:
-        """Count the travel from here on: locking or releasing the output starts a new position."""
-        self._first = None
-        self._reschedule()
-
     def _command(self, command: Command) -> None:
         for axis, setpoint in ((Axis.MOTOR, command.motor), (Axis.LOAD, command.load)):
             if setpoint is None and self._bench.mode(axis) is None:
                 continue
             if setpoint is not None:
-                self._check_setpoint(axis, setpoint)
+                self.watch.check_setpoint(axis, setpoint, self.index)
             if self._bench.apply(axis, setpoint):
                 self.say("drive", f"{axis}: {setpoint.mode if setpoint is not None else 'released'}")
                 self._reschedule()
         self._released = command.motor is None and command.load is None
-
-    def _check_setpoint(self, axis: Axis, setpoint: Setpoint) -> None:
-        bound = self._limits.motor_torque if axis is Axis.MOTOR else self._limits.load_torque
-        signal, unit = f"{axis}_torque_command", "N*m"
-        if setpoint.mode is Mode.VELOCITY:
-            if axis is Axis.LOAD:
-                return
-            bound, signal, unit = self._limits.motor_velocity, "motor_velocity_command", "rad/s"
-        elif setpoint.mode is Mode.POSITION:
-            return
-        if abs(setpoint.value) > bound:
-            raise LimitError(signal, setpoint.value, bound, unit, cycle=self.index, hint="The setpoint was not sent.")
 
     def _cycle(self) -> Sample:
         """Run one control cycle and log it; give the sample with the last known values where one was missing."""
@@ -277,7 +255,7 @@ class _Execution:
         self.missing += report.missing
         self._log.write(report.sample)
         self.index += 1
-        self._watch(report.filled)
+        self.watch.observe(report.filled)
         if self.late > self._limits.late_cycles or self.missing > self._limits.missing_cycles:
             raise CycleError(
                 f"Too many late or missing cycles at {self.time:.3f} s",
@@ -290,58 +268,6 @@ class _Execution:
         if self._on_progress is not None and self.index % self._progress_every == 0:
             self._on_progress(Progress(self.time, self._phase.phase, self._phase.duration, report.filled))
         return report.filled
-
-    def _watch(self, sample: Sample) -> None:
-        """Keep the extremes and the recent positions from which the speed is taken."""
-        extremes = self.extremes
-        for name in _WATCHED:
-            value = getattr(sample, name)
-            if value is not None and abs(value) > extremes.get(name, -1.0):
-                extremes[name] = abs(value)
-        if self._first is None:
-            self._first = sample
-            self._positions.clear()
-        if sample.motor_position is not None:
-            self._positions.append((sample.time, sample.motor_position))
-            speed = abs(self._speed())
-            if speed > extremes.get("motor_velocity", -1.0):
-                extremes["motor_velocity"] = speed
-
-    def _speed(self) -> float:
-        """Mean motor speed over the last cycles, rad/s."""
-        if len(self._positions) <= SPEED_WINDOW:
-            return 0.0
-        (t0, p0), (t1, p1) = self._positions[0], self._positions[-1]
-        return (p1 - p0) / (t1 - t0) if t1 > t0 else 0.0
-
-    def _check(self, sample: Sample) -> None:
-        """Raise LimitError for the first limit that this sample breaks."""
-        limits, first = self._limits, self._first if self._first is not None else sample
-        self._bound("motor_torque", sample.motor_torque, limits.motor_torque)
-        self._bound("output_torque", sample.output_torque, limits.output_torque)
-        self._bound("load_torque", sample.load_torque, limits.load_torque)
-        self._bound("motor_velocity", self._speed(), limits.motor_velocity)
-        self._bound("temperature", sample.temperature, limits.temperature)
-        self._bound("motor_temperature", sample.motor_temperature, limits.temperature)
-        self._travel("motor_position", sample.motor_position, first.motor_position, limits.motor_travel)
-        self._travel("output_position", sample.output_position, first.output_position, limits.output_travel)
-
-    def _bound(self, signal: str, value: float | None, limit: float) -> None:
-        if value is not None and abs(value) > limit:
-            raise LimitError(signal, value, limit, BY_NAME[signal].unit, cycle=self.index - 1, hint=_LIMIT_HINT)
-
-    def _travel(self, signal: str, value: float | None, start: float | None, limit: float) -> None:
-        if value is not None and start is not None and abs(value - start) > limit:
-            travelled = value - start
-            raise LimitError(
-                signal,
-                travelled,
-                limit,
-                "rad",
-                cycle=self.index - 1,
-                what=f"{signal} travelled {travelled:.6g} rad from the run's start; the limit is {limit:.6g} rad.",
-                hint=_LIMIT_HINT,
-            )
 
     def make_safe(self) -> SafeState:
         """Take the torque away by the bench's declared reaction, confirm it, and record it. Raises nothing."""
@@ -365,7 +291,8 @@ class _Execution:
             problem=" ".join(problems),
         )
         shown = ", ".join(f"{axis} {state}" for axis, state in safe.states.items()) or "no state read back"
-        self.say("safe state", f"{safe.reaction}: {shown}; {'confirmed' if confirmed else 'NOT CONFIRMED'}")
+        text = f"{safe.reaction}: {shown}; {'confirmed' if confirmed else 'NOT CONFIRMED'}"
+        _try(lambda: self.say("safe state", text), problems)
         return safe
 
     def _ramp_down(self) -> None:
@@ -388,11 +315,6 @@ class _Execution:
             self.time = self._clock.now() - self._begin
             self._log.write(self._bench.cycle(self.time, self.index, late=False).sample)
             self.index += 1
-
-
-_WATCHED = ("motor_torque", "output_torque", "load_torque", "temperature", "motor_temperature")
-
-_LIMIT_HINT = "Check the set-up and the procedure's parameters before raising the limit in the bench file."
 
 
 def _try(action: Callable[[], object], problems: list[str]) -> None:
