@@ -12,7 +12,7 @@ DRIVE = laws.shd_17_100()
 
 def test_the_catalogue_gives_the_stiffness_of_the_flexspline():
     K_F0, C_F = laws.flexspline_from_catalogue(8.4e3, 9.4e3, 3.9, 12.0)
-    assert np.array([K_F0, C_F]) == pytest.approx([8335.98, 0.044940], rel=2e-6)
+    assert np.array([K_F0, C_F]) == pytest.approx([8335.98, 0.044940], rel=2e-5)  # printed digits
     at = np.array([3.9 / 2, (3.9 + 12.0) / 2, 12.0, 16.0, 24.0])
     stiffness = laws.flexspline_stiffness(at, K_F0, C_F)
     assert stiffness[:2] == pytest.approx([8400.0, 9400.0], rel=1e-12)
