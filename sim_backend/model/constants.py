@@ -1,0 +1,113 @@
+"""The numbers which the compiled plant works with, derived once from a PlantConfig. SI, each at its own shaft."""
+
+import math
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from sim_backend.model.parameters import PlantConfig
+
+
+class Constants(NamedTuple):
+    """Constants of one plant. A knee is where a spring goes on in a straight line: windup, torque, stiffness."""
+
+    step: float
+    ratio: float
+    K_F0: float
+    C_F: float
+    flexspline_knee: float
+    flexspline_knee_torque: float
+    flexspline_cap: float
+    flexspline_damping: float
+    K_w0: float
+    C_w: float
+    wave_generator_knee: float
+    wave_generator_knee_torque: float
+    wave_generator_cap: float
+    wave_generator_damping: float
+    friction_torque: float
+    load_friction: float
+    rim_damping: float
+    near: float
+    motor_inertia: float
+    output_inertia: float
+    rotor_friction: float
+    rotor_viscous_friction: float
+    fixture_stiffness: float
+    fixture_damping: float
+    current_decay: float
+    current_mean: float
+    loop_steps: float
+    loop_period: float
+    motor_position_gain: float
+    motor_velocity_gain: float
+    motor_integral_gain: float
+    motor_speed_limit: float
+    load_position_gain: float
+    load_velocity_gain: float
+    load_integral_gain: float
+    load_speed_limit: float
+
+
+def unpack(values: Iterable[float]) -> Constants:
+    """Give the constants from their flat array; the compiled kernel has its own version of this."""
+    return Constants(*values)
+
+
+def derive(config: PlantConfig) -> Constants:
+    """Give the constants of a plant.
+
+    Loop gains follow from the inertias. Motor: velocity loop of 100 Hz, its integral at a fifth of that, position
+    loop at a fifth. Load: its own inertia is small and sits on the flexspline, so the integral, which alone works
+    against a spring, is at half the bandwidth of 2000 rad/s, and the position loop is slow enough for it.
+    """
+    drive = config.drive
+    flexspline_slope = math.sqrt(config.flexspline_stiffness_cap / drive.K_F0 - 1.0)
+    wave_generator_knee_torque = math.log(config.wave_generator_stiffness_cap / drive.K_w0) / drive.C_w
+    flexspline_knee_torque = flexspline_slope / drive.C_F
+    decay = math.exp(-config.step / config.current_loop_time)
+    motor_bandwidth = 2.0 * math.pi * 100.0
+    motor_velocity_gain = motor_bandwidth * config.motor_inertia
+    load_bandwidth = 2000.0
+    load_velocity_gain = load_bandwidth * config.output_inertia
+    return Constants(
+        step=config.step,
+        ratio=drive.ratio,
+        K_F0=drive.K_F0,
+        C_F=drive.C_F,
+        flexspline_knee=math.atan(flexspline_slope) / (drive.C_F * drive.K_F0),
+        flexspline_knee_torque=flexspline_knee_torque,
+        flexspline_cap=config.flexspline_stiffness_cap,
+        flexspline_damping=config.flexspline_damping,
+        K_w0=drive.K_w0,
+        C_w=drive.C_w,
+        wave_generator_knee=(1.0 - drive.K_w0 / config.wave_generator_stiffness_cap) / (drive.C_w * drive.K_w0),
+        wave_generator_knee_torque=wave_generator_knee_torque,
+        wave_generator_cap=config.wave_generator_stiffness_cap,
+        wave_generator_damping=config.wave_generator_damping,
+        friction_torque=drive.friction_torque,
+        load_friction=drive.load_friction,
+        rim_damping=drive.viscous_friction * drive.ratio**2,
+        near=math.sqrt(_TORQUE_ACCURACY / (0.5 * drive.C_w / drive.ratio + drive.C_F**2 * flexspline_knee_torque)),
+        motor_inertia=config.motor_inertia,
+        output_inertia=config.output_inertia,
+        rotor_friction=config.rotor_friction,
+        rotor_viscous_friction=config.rotor_viscous_friction,
+        fixture_stiffness=config.fixture_stiffness,
+        fixture_damping=config.fixture_damping,
+        current_decay=decay,
+        current_mean=(1.0 - decay) * config.current_loop_time / config.step,
+        loop_steps=float(round(config.loop_period / config.step)),
+        loop_period=config.loop_period,
+        motor_position_gain=motor_bandwidth / 5.0,
+        motor_velocity_gain=motor_velocity_gain,
+        motor_integral_gain=motor_velocity_gain * motor_bandwidth / 5.0,
+        motor_speed_limit=config.motor_speed_limit,
+        load_position_gain=200.0,
+        load_velocity_gain=load_velocity_gain,
+        load_integral_gain=load_velocity_gain * load_bandwidth / 2.0,
+        load_speed_limit=config.load_speed_limit,
+    )
+
+
+_TORQUE_ACCURACY = 1e-10
+"""N*m at the output: largest error of the linear last step of the rim's solution, from the springs' curvature."""

@@ -1,0 +1,192 @@
+"""Parameters of the harmonic drive and of the simulated bench, with the checks that keep them physical."""
+
+import math
+from dataclasses import dataclass, fields
+from enum import StrEnum
+from typing import Self
+
+from sim_backend.errors import ModelError
+
+
+class Rotation(StrEnum):
+    """Whether the output turns against the wave generator or with it."""
+
+    OPPOSED = "opposed"
+    SAME = "same"
+
+
+@dataclass(frozen=True, slots=True)
+class HarmonicDrive:
+    """Compliance and friction of one harmonic drive; Zhang, Ahmad & Liu 2014, equations (22)-(28).
+
+    ratio: 1. K_F0 (N*m/rad at the output) and C_F (1/(N*m)): flexspline. K_w0 (N*m/rad at the motor) and
+    C_w (1/(N*m)): wave generator. friction_torque: dry friction of the tooth mesh, N*m at the output;
+    load_friction: its growth per N*m of output torque, 1; viscous_friction: N*m*s, seen at the motor.
+    """
+
+    ratio: float
+    K_F0: float
+    C_F: float
+    K_w0: float
+    C_w: float
+    friction_torque: float
+    load_friction: float = 0.0
+    viscous_friction: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check("ratio", self.ratio, "", low=1.0)
+        _check("K_F0", self.K_F0, "N*m/rad", above=0.0)
+        _check("C_F", self.C_F, "1/(N*m)", above=0.0)
+        _check("K_w0", self.K_w0, "N*m/rad", above=0.0)
+        _check("C_w", self.C_w, "1/(N*m)", above=0.0)
+        _check("friction_torque", self.friction_torque, "N*m", low=0.0)
+        _check("load_friction", self.load_friction, "", low=0.0, below=1.0)
+        _check("viscous_friction", self.viscous_friction, "N*m*s", low=0.0)
+
+    @classmethod
+    def from_catalogue(
+        cls,
+        ratio: float,
+        K1: float,
+        K2: float,
+        T1: float,
+        T2: float,
+        hysteresis_loss: float,
+        starting_torque: float,
+        *,
+        load_friction: float = 0.0,
+        viscous_friction: float = 0.0,
+    ) -> Self:
+        """Estimate the parameters from catalogue values, Zhang (29)-(35).
+
+        K1, K2: N*m/rad below T1 and between T1 and T2 (N*m). hysteresis_loss: rad at the output.
+        starting_torque: N*m at the motor. (32) is used as it follows from (29) and (30): the printed 0.089 for the
+        paper's drive applies its leading 2 twice. (33) put into (35) gives C_w = 1/starting_torque.
+        Raises ModelError if a value is out of range or no drive has these stiffnesses.
+        """
+        _check("ratio", ratio, "", low=1.0)
+        _check("K1", K1, "N*m/rad", above=0.0)
+        _check("T1", T1, "N*m", above=0.0)
+        _check("T2", T2, "N*m", above=T1)
+        _check("K2", K2, "N*m/rad", above=K1, below=K1 * ((T1 + T2) / T1) ** 2)
+        _check("hysteresis_loss", hysteresis_loss, "rad", above=0.0)
+        _check("starting_torque", starting_torque, "N*m", above=0.0)
+        outer = (T1 + T2) ** 2
+        return cls(
+            ratio=ratio,
+            K_F0=K1 + (K1 - K2) * T1**2 / (outer - T1**2),
+            C_F=2.0 * math.sqrt((K2 - K1) / (K1 * outer - K2 * T1**2)),
+            K_w0=2.0 * starting_torque / (ratio * hysteresis_loss),
+            C_w=1.0 / starting_torque,
+            friction_torque=ratio * starting_torque,
+            load_friction=load_friction,
+            viscous_friction=viscous_friction,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class PlantConfig:
+    """Everything the simulated bench consists of. Inertias kg*m^2, damping N*m*s/rad, each at its own shaft.
+
+    All dry and viscous friction of the base plant sits at the rim (the tooth mesh): `drive.friction_torque` and
+    `drive.viscous_friction`. `rotor_friction` (N*m) and `rotor_viscous_friction` (N*m*s) come on top of it.
+    `output_inertia` includes arm and load motor. The damping of the springs is structural: the rotor on the
+    sticking rim rings at 34 Hz with a damping ratio of about 0.15. Both springs go on in a straight line above their
+    stiffness caps (PHYSICS: at 1000 N*m/rad the torsion differs by 0.4 urad rms from equation (28)).
+    Noises are standard deviations of white noise per reading.
+    """
+
+    drive: HarmonicDrive
+    rotation: Rotation = Rotation.OPPOSED
+    rotor_inertia: float = 2.2e-5
+    wave_generator_inertia: float = 7.9e-6
+    output_inertia: float = 5e-4
+    rotor_friction: float = 0.0
+    rotor_viscous_friction: float = 0.0
+    wave_generator_damping: float = 1.9e-3
+    flexspline_damping: float = 0.2
+    wave_generator_stiffness_cap: float = 1000.0
+    flexspline_stiffness_cap: float = 1e5
+    fixture_stiffness: float = 2e5
+    fixture_damping: float = 1.0
+    motor_rated_torque: float = 0.188
+    load_rated_torque: float = 20.0
+    motor_speed_limit: float = 600.0
+    load_speed_limit: float = 10.0
+    current_loop_time: float = 1e-4
+    loop_period: float = 1e-4
+    step: float = 2e-5
+    output_torque_noise: float = 0.02
+    motor_torque_noise: float = 2e-4
+    load_torque_noise: float = 0.01
+    motor_angle_noise: float = 2e-5
+    output_angle_noise: float = 1e-6
+    motor_velocity_noise: float = 1e-2
+    load_velocity_noise: float = 1e-4
+    temperature: float = 25.0
+    motor_temperature: float = 25.0
+
+    def __post_init__(self) -> None:
+        if self.rotation is not Rotation.OPPOSED:
+            raise ModelError(
+                f"rotation = {str(self.rotation)!r}: the simulated bench turns its output against the motor only. "
+                f"Use 'opposed', or mirror the motor's signals before they reach the model."
+            )
+        for name in _POSITIVE:
+            _check(name, getattr(self, name), _POSITIVE[name], above=0.0)
+        for item in fields(self):
+            if item.name.endswith(("_noise", "_friction", "_damping")):
+                _check(item.name, getattr(self, item.name), "SI", low=0.0)
+        _check("wave_generator_stiffness_cap", self.wave_generator_stiffness_cap, "N*m/rad", above=self.drive.K_w0)
+        _check("flexspline_stiffness_cap", self.flexspline_stiffness_cap, "N*m/rad", above=self.drive.K_F0)
+        _check("temperature", self.temperature, "degC", low=-273.15)
+        _check("motor_temperature", self.motor_temperature, "degC", low=-273.15)
+        ticks = self.loop_period / self.step
+        if round(ticks) < 1 or not math.isclose(ticks, round(ticks), rel_tol=1e-9):
+            raise ModelError(
+                f"loop_period = {self.loop_period:g} s must be a whole multiple of step = {self.step:g} s, "
+                f"it is {ticks:g} steps."
+            )
+        stiffest = max(
+            self.wave_generator_stiffness_cap / self.motor_inertia,
+            (self.flexspline_stiffness_cap + self.fixture_stiffness) / self.output_inertia,
+        )
+        _check("step", self.step, "s", above=0.0, below=1.0 / math.sqrt(stiffest))
+
+    @property
+    def motor_inertia(self) -> float:
+        """Rotor and wave generator together, kg*m^2."""
+        return self.rotor_inertia + self.wave_generator_inertia
+
+
+_POSITIVE = {
+    "rotor_inertia": "kg*m^2",
+    "output_inertia": "kg*m^2",
+    "fixture_stiffness": "N*m/rad",
+    "motor_rated_torque": "N*m",
+    "load_rated_torque": "N*m",
+    "motor_speed_limit": "rad/s",
+    "load_speed_limit": "rad/s",
+    "current_loop_time": "s",
+    "loop_period": "s",
+    "step": "s",
+}
+
+
+def _check(
+    name: str,
+    value: float,
+    unit: str,
+    *,
+    low: float = -math.inf,
+    above: float = -math.inf,
+    below: float = math.inf,
+) -> None:
+    """Raise ModelError unless `value` is finite, >= low, > above and < below."""
+    if math.isfinite(value) and value >= low and value > above and value < below:
+        return
+    wanted = "at least " + f"{low:g}" if math.isfinite(low) else "above " + f"{above:g}"
+    upper = f" and below {below:g}" if math.isfinite(below) else ""
+    raise ModelError(
+        f"{name} = {value!r} {unit} cannot be simulated: it must be finite, {wanted}{upper} {unit}.".replace("  ", " ")
+    )

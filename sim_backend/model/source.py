@@ -1,0 +1,56 @@
+"""Pieces of Python source for generated modules: definitions of a module, an effect's function under another name."""
+
+import ast
+import inspect
+import textwrap
+from collections.abc import Callable
+from types import ModuleType
+
+from sim_backend.errors import ModelError
+
+ALLOWED_GLOBALS = frozenset({"math", "np", "abs", "min", "max", "float", "int", "bool", "range", "round"})
+"""What an effect's function may use besides its arguments: a generated module has these and nothing else."""
+
+
+def definitions(module: ModuleType, *leave_out: str) -> str:
+    """Give the constants, functions and tuple classes which `module` defines, without its imports and docstring."""
+    tree = ast.parse(inspect.getsource(module))
+    kept = []
+    for node in tree.body:
+        if isinstance(node, ast.Import | ast.ImportFrom | ast.Expr):
+            continue
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name in leave_out:
+            continue
+        kept.append(node)
+    return "\n\n".join(_decorated(node) for node in kept)
+
+
+def function_source(function: Callable[..., float], name: str) -> str:
+    """Give the source of a scalar function, renamed to `name`.
+
+    Raises ModelError if its source is out of reach or if it uses more than its arguments, math and numpy (as np).
+    """
+    try:
+        text = textwrap.dedent(inspect.getsource(function))
+    except (OSError, TypeError) as error:
+        raise ModelError(f"{function!r} cannot be compiled: its source cannot be read ({error}).") from error
+    node = ast.parse(text).body[0]
+    if not isinstance(node, ast.FunctionDef):
+        raise ModelError(f"{function!r} cannot be compiled: an effect is a plain function written with def.")
+    used = inspect.getclosurevars(function)
+    foreign = (set(used.globals) | set(used.nonlocals) | set(used.builtins) | used.unbound) - ALLOWED_GLOBALS
+    foreign -= {attribute.attr for attribute in ast.walk(node) if isinstance(attribute, ast.Attribute)}
+    if foreign:
+        raise ModelError(
+            f"{node.name}() cannot be compiled: it uses {', '.join(sorted(foreign))}. An effect's function may use "
+            f"its arguments and {', '.join(sorted(ALLOWED_GLOBALS))}; write other constants inside it."
+        )
+    node.name = name
+    node.decorator_list = []
+    return _decorated(node)
+
+
+def _decorated(node: ast.stmt) -> str:
+    """Give the source of one definition; functions are marked for compilation."""
+    text = ast.unparse(node)
+    return f"@compiled\n{text}" if isinstance(node, ast.FunctionDef) else text

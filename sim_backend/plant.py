@@ -1,0 +1,233 @@
+"""The simulated bench's plant: motor, harmonic drive and output, with the drives' inner loops and the instruments.
+
+The physics is in `model`; this class holds the state, takes commands, and adds the instruments' noise.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from sim_backend.errors import ModelError
+from sim_backend.model import stepper
+from sim_backend.model.constants import derive
+from sim_backend.model.effects import ActiveEffect
+from sim_backend.model.kernel import SIGNALS, plant_kernel
+from sim_backend.model.parameters import PlantConfig
+from sim_backend.ports import AxisMode, PlantReading
+
+_NOISE_BLOCK = 1024
+"""Readings whose noise is drawn at once."""
+
+_AXES = {
+    "motor": (stepper.MOTOR_MODE, stepper.MOTOR_TARGET, stepper.MOTOR_LIMIT, stepper.MOTOR_LIMITED),
+    "load": (stepper.LOAD_MODE, stepper.LOAD_TARGET, stepper.LOAD_LIMIT, stepper.LOAD_LIMITED),
+}
+
+
+class PlantTruth(NamedTuple):
+    """The plant's state itself, without instruments: rad, rad/s, N*m; energies in J since the start.
+
+    `flexspline_torque` and `wave_generator_torque` are T_F and T_w. `work` is what both drives put in, `heat` what
+    friction and dampers took, `effect_work` what the effects took; `stored` is kinetic and elastic energy now.
+    """
+
+    time: float
+    motor_position: float
+    motor_velocity: float
+    output_position: float
+    output_velocity: float
+    rim_position: float
+    motor_torque: float
+    load_torque: float
+    output_torque: float
+    flexspline_torque: float
+    wave_generator_torque: float
+    work: float
+    heat: float
+    effect_work: float
+    stored: float
+
+
+class Plant:
+    """A bench in simulated time; sense `opposed`. Implements `sim_backend.ports.PlantPort`.
+
+    It starts at rest without torque, motor at angle zero, both drives off, output free. `effects` are active for the
+    plant's life. `seed` fixes the instruments' noise. `compiled=False` runs the same source as plain Python.
+    """
+
+    def __init__(
+        self, config: PlantConfig, effects: Sequence[ActiveEffect] = (), seed: int = 0, compiled: bool = True
+    ) -> None:
+        self.config = config
+        self.effects = tuple(effects)
+        self._kernel = plant_kernel(self.effects, compiled=compiled)
+        self._derived = derive(config)
+        self._constants = np.array(self._derived, dtype=np.float64)
+        self._state = np.zeros(stepper.STATE_SIZE)
+        self._inputs = np.zeros(stepper.INPUT_SIZE)
+        self._inputs[stepper.MOTOR_LIMIT] = config.motor_rated_torque
+        self._inputs[stepper.LOAD_LIMIT] = config.load_rated_torque
+        self._inputs[stepper.TEMPERATURE] = config.temperature
+        self._inputs[stepper.MOTOR_TEMPERATURE] = config.motor_temperature
+        self._random = np.random.default_rng(seed)
+        self._spread = np.array(
+            [
+                config.motor_angle_noise,
+                config.motor_velocity_noise,
+                config.motor_torque_noise,
+                config.output_angle_noise,
+                config.load_velocity_noise,
+                config.load_torque_noise,
+                config.output_torque_noise,
+            ]
+        )
+        self._noise: list[list[float]] = []
+        self._steps = 0
+        self._reading: PlantReading | None = None
+        self._start_at_rest()
+
+    @property
+    def time(self) -> float:
+        """Simulated time, s."""
+        return self._steps * self.config.step
+
+    @property
+    def locked(self) -> bool:
+        """True while the fixture holds the output."""
+        return bool(self._inputs[stepper.LOCKED])
+
+    def advance_to(self, time: float) -> None:
+        """Integrate up to the step nearest to `time` (s). Raises ModelError if that lies in the past."""
+        steps = round(time / self.config.step) - self._steps
+        if steps < 0:
+            raise ModelError(f"time = {time!r} s is in the past: the plant stands at {self.time!r} s.")
+        if steps == 0:
+            return
+        self._kernel.advance(steps, self._state, self._inputs, self._constants, self._kernel.effect_parameters)
+        self._steps += steps
+        self._reading = None
+
+    def command(self, axis: str, mode: AxisMode, target: float) -> None:
+        """Set what the inner loop of `axis` regulates: N*m, rad/s or rad; OFF leaves the shaft without torque.
+
+        A change of mode takes over without a jump: the speed loop begins with the torque of the moment.
+        """
+        mode_place, target_place, _, _ = _places(axis)
+        if not math.isfinite(target):
+            raise ModelError(f"{axis}: target = {target!r} in mode {mode.name} is not a finite number.")
+        self._inputs[mode_place] = mode
+        self._inputs[target_place] = target
+
+    def set_torque_limit(self, axis: str, limit: float) -> None:
+        """Bound the torque (N*m, magnitude) which the drive of `axis` can produce."""
+        limit_place = _places(axis)[2]
+        if not (math.isfinite(limit) and limit >= 0.0):
+            raise ModelError(f"{axis}: torque limit = {limit!r} N*m must be finite and at least 0 N*m.")
+        self._inputs[limit_place] = limit
+
+    def torque_limited(self, axis: str) -> bool:
+        """Tell whether that bound acted since the last call."""
+        place = _places(axis)[3]
+        acted = bool(self._state[place])
+        self._state[place] = 0.0
+        return acted
+
+    def set_lock(self, locked: bool) -> None:
+        """Clamp the output to the fixture where it stands, or let it go."""
+        if locked == self.locked:
+            return
+        self._inputs[stepper.LOCKED] = 1.0 if locked else 0.0
+        self._inputs[stepper.LOCK_POSITION] = self._state[stepper.OUTPUT_POSITION]
+        self._state[stepper.FIXTURE_TORQUE] = 0.0
+
+    def read(self) -> PlantReading:
+        """Read the instruments now; repeated reads at one instant give the same values.
+
+        `output_torque` is the transducer between the output flange and what is outside: load drive and fixture.
+        """
+        if self._reading is None:
+            if not self._noise:
+                drawn = self._random.standard_normal((_NOISE_BLOCK, len(self._spread))) * self._spread
+                self._noise = drawn.tolist()
+            noise = self._noise.pop()
+            s = self._state.tolist()
+            output_position = s[stepper.OUTPUT_POSITION] + noise[3]
+            self._reading = PlantReading(
+                motor_position=s[stepper.MOTOR_POSITION] + noise[0],
+                motor_velocity=s[stepper.MOTOR_VELOCITY] + noise[1],
+                motor_torque=s[stepper.MOTOR_TORQUE] + noise[2],
+                load_position=output_position,
+                load_velocity=s[stepper.OUTPUT_VELOCITY] + noise[4],
+                load_torque=s[stepper.LOAD_TORQUE] + noise[5],
+                output_position=output_position,
+                output_torque=s[stepper.LOAD_TORQUE] + s[stepper.FIXTURE_TORQUE] + noise[6],
+                temperature=self.config.temperature,
+                motor_temperature=self.config.motor_temperature,
+            )
+        return self._reading
+
+    def truth(self) -> PlantTruth:
+        """Give the state itself, which no instrument shows."""
+        s = self._state.tolist()
+        return PlantTruth(
+            time=self.time,
+            motor_position=s[stepper.MOTOR_POSITION],
+            motor_velocity=s[stepper.MOTOR_VELOCITY],
+            output_position=s[stepper.OUTPUT_POSITION],
+            output_velocity=s[stepper.OUTPUT_VELOCITY],
+            rim_position=s[stepper.RIM],
+            motor_torque=s[stepper.MOTOR_TORQUE],
+            load_torque=s[stepper.LOAD_TORQUE],
+            output_torque=s[stepper.LOAD_TORQUE] + s[stepper.FIXTURE_TORQUE],
+            flexspline_torque=s[stepper.T_F_NOW],
+            wave_generator_torque=s[stepper.T_W_NOW],
+            work=s[stepper.WORK],
+            heat=s[stepper.DISSIPATED],
+            effect_work=s[stepper.EFFECT_WORK],
+            stored=self._stored_energy(),
+        )
+
+    def _start_at_rest(self) -> None:
+        """Put the output where the transmission error leaves no torque, and take up what the effects do there."""
+        signals = dict.fromkeys(SIGNALS, 0.0)
+        signals["temperature"] = self.config.temperature
+        signals["motor_temperature"] = self.config.motor_temperature
+        parameters = self._kernel.effect_parameters
+        error, _ = self._kernel.torsion_effects(*signals.values(), parameters)
+        signals["output_position"] = error
+        s = self._state
+        s[stepper.OUTPUT_POSITION] = s[stepper.ERROR] = error
+        s[stepper.LEVEL] = self.config.drive.friction_torque
+        s[stepper.MOTOR_EFFECTS] = self._kernel.motor_effects(*signals.values(), parameters)
+        s[stepper.OUTPUT_EFFECTS] = self._kernel.output_effects(*signals.values(), parameters)
+        s[stepper.MOTOR_FORCE] = -s[stepper.MOTOR_EFFECTS]
+        s[stepper.OUTPUT_FORCE] = -s[stepper.OUTPUT_EFFECTS]
+
+    def _stored_energy(self) -> float:
+        s, c = self._state.tolist(), self._derived
+        flexspline = abs(s[stepper.OUTPUT_POSITION] - s[stepper.ERROR] - s[stepper.RIM])
+        bent = min(flexspline, c.flexspline_knee)
+        straight = flexspline - bent
+        energy = -math.log(math.cos(c.C_F * c.K_F0 * bent)) / (c.C_F**2 * c.K_F0)
+        energy += straight * (c.flexspline_knee_torque + 0.5 * c.flexspline_cap * straight)
+        wave_generator = abs(s[stepper.MOTOR_POSITION] + c.ratio * s[stepper.RIM])
+        bent = min(wave_generator, c.wave_generator_knee)
+        straight = wave_generator - bent
+        share = c.C_w * c.K_w0 * bent
+        energy += ((1.0 - share) * math.log1p(-share) + share) / (c.C_w**2 * c.K_w0)
+        energy += straight * (c.wave_generator_knee_torque + 0.5 * c.wave_generator_cap * straight)
+        energy += 0.5 * c.motor_inertia * s[stepper.MOTOR_VELOCITY] ** 2
+        energy += 0.5 * c.output_inertia * s[stepper.OUTPUT_VELOCITY] ** 2
+        if self.locked:
+            stretch = s[stepper.OUTPUT_POSITION] - self._inputs[stepper.LOCK_POSITION]
+            energy += 0.5 * c.fixture_stiffness * stretch**2
+        return float(energy)
+
+
+def _places(axis: str) -> tuple[int, int, int, int]:
+    try:
+        return _AXES[axis]
+    except KeyError:
+        raise ModelError(f"axis = {axis!r} is unknown; the plant has {', '.join(_AXES)}.") from None
