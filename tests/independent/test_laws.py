@@ -66,6 +66,24 @@ def test_the_corrected_backdrive_logic_is_the_play_operator():
     assert np.max(np.abs(by_logic - T / 100.0)) == pytest.approx(0.02, abs=1e-15)
 
 
+def test_the_printed_backdrive_logic_differs_as_much_as_the_errata_say():
+    """Printed (36), line 2: T_F - N T_w > -T_fb. A triangle of 14 N*m."""
+    T = 14.0 * np.interp(np.arange(8000) / 4000.0 % 1.0, [0.0, 0.25, 0.75, 1.0], [0.0, 1.0, -1.0, 0.0])
+    T_w, printed = 0.0, []
+    for T_F in T.tolist():
+        if T_F + 100.0 * T_w > 2.0:
+            T_w = -(T_F - 2.0) / 100.0
+        elif T_F - 100.0 * T_w > -2.0:
+            T_w = -(T_F + 2.0) / 100.0
+        printed.append(-T_w)
+    corrected = laws.backdrive_torque(T, 100.0, 2.0)
+    apart = np.array(printed) - corrected
+    assert np.mean(np.abs(apart) > 1e-12) == pytest.approx(0.785, abs=1e-3)
+    assert np.sqrt(np.mean(apart**2)) == pytest.approx(59e-3, abs=5e-4)
+    in_torsion = laws.total_torsion(T, printed, DRIVE) - laws.total_torsion(T, corrected, DRIVE)
+    assert np.sqrt(np.mean(in_torsion**2)) == pytest.approx(65e-6, abs=1e-6)
+
+
 def test_a_play_keeps_its_distance_and_stands_still_inside():
     follower = laws.play(np.array([0.0, 0.5, 1.5, 3.0, 2.5, 1.0, 0.9, -2.0]), 1.0)
     assert follower == pytest.approx([0.0, 0.0, 0.5, 2.0, 2.0, 2.0, 1.9, -1.0])
