@@ -40,7 +40,7 @@ class Run:
     `auxiliary`: further columns under their own name, with `auxiliary_units` as written. `replicate`: name of the
     group of runs that repeat the same conditions, or None. `start_angle`: rad, or None. `gaps`: times (s) after
     which more than 5 nominal periods are missing. `metadata`: plain text facts (run id, operator, ...).
-    `dut_text`: the attached dut file as written, "" where there is none.
+    `dut_text`, `bench_text`: the attached files as written, "" where there are none.
     `complete`: False if the log was cut off.
     """
 
@@ -57,5 +57,6 @@ class Run:
     events: tuple[RunEvent, ...] = ()
     metadata: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     dut_text: str = ""
+    bench_text: str = ""
     complete: bool = True
     warnings: tuple[str, ...] = ()

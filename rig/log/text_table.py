@@ -1,0 +1,154 @@
+"""Delimited text into columns of numbers, strictly: every wrong cell is named by column and row.
+
+Rows count as in a text editor: the header is row 1. A cell `NA` says that the signal was not measured in that
+sample; an empty cell, `nan` or `inf` is an error.
+"""
+
+import csv
+import io
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.errors import DataError
+
+MISSING = "NA"
+
+MAX_FILE_BYTES = 2 * 1024**3
+MAX_LINE_BYTES = 100_000
+"""A line of 1 000 columns with 17 digits has 25 000 bytes."""
+
+_DELIMITERS = (",", ";", "\t")
+_NUMBER = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*", re.ASCII)
+_NOT_FINITE = re.compile(r"\s*[-+]?(nan|inf|infinity)\s*", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True)
+class TextTable:
+    """`names` as in the header; `values` of shape (rows, columns), NaN where a cell says NA; `row_of` the file row."""
+
+    names: tuple[str, ...]
+    values: NDArray[np.float64]
+    row_of: Callable[[int], int]
+
+
+def read_text_table(path: Path, *, skip_text_columns: bool = False) -> TextTable:
+    """Read a table with a header from UTF-8 text, delimited by comma, semicolon or tab.
+
+    `skip_text_columns`: a column in which some cell is no number reads as NaN there instead of being an error.
+    Raises DataError, with column and row, for anything that is not a full table of finite numbers.
+    """
+    text = _read_text(path)
+    head, _, body = text.partition("\n")
+    delimiter = max(_DELIMITERS, key=head.count)
+    names = tuple(name.strip() for name in next(csv.reader([head], delimiter=delimiter), []))
+    if not any(names):
+        raise DataError(str(path), "the file has no header", row=1, expected="names such as time[s]")
+    if not body.strip():
+        raise DataError(str(path), "the file holds a header but no sample", row=2)
+    values = _parse_fast(body, len(names), delimiter)
+    if values is None:
+        values = _parse_strict(path, body, names, delimiter, skip_text_columns)
+    return TextTable(names, values, _row_lookup(body))
+
+
+def _read_text(path: Path) -> str:
+    try:
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise DataError(str(path), f"the file is larger than {MAX_FILE_BYTES} bytes", hint="Cut it into parts.")
+        data = path.read_bytes()
+    except OSError as error:
+        raise DataError(str(path), f"the file cannot be read: {error.strerror or error}") from error
+    if not data.strip():
+        raise DataError(str(path), "the file is empty", expected="a header and at least one sample")
+    ends = np.append(np.flatnonzero(np.frombuffer(data, dtype=np.uint8) == ord("\n")), len(data))
+    lengths = np.diff(ends, prepend=-1) - 1
+    longest = int(np.argmax(lengths))
+    if lengths[longest] > MAX_LINE_BYTES:
+        raise DataError(
+            str(path),
+            f"the line has {lengths[longest]} bytes",
+            row=longest + 1,
+            expected=f"at most {MAX_LINE_BYTES} bytes per line",
+        )
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        row = data.count(b"\n", 0, error.start) + 1
+        raise DataError(
+            str(path),
+            f"byte 0x{data[error.start]:02X} is no UTF-8 text",
+            row=row,
+            expected="text in UTF-8",
+            hint="Save the file as CSV UTF-8.",
+        ) from error
+    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+
+
+def _parse_fast(body: str, columns: int, delimiter: str) -> NDArray[np.float64] | None:
+    """Parse a faultless table; None if anything is unusual."""
+    if '"' in body:
+        return None
+    try:
+        values = np.loadtxt(io.StringIO(body), delimiter=delimiter, comments=None, ndmin=2)
+    except ValueError:
+        return None
+    return values if values.shape[1] == columns and bool(np.isfinite(values).all()) else None
+
+
+def _parse_strict(
+    path: Path, body: str, names: Sequence[str], delimiter: str, skip_text_columns: bool
+) -> NDArray[np.float64]:
+    """Parse cell by cell and raise DataError at the first that is wrong."""
+    rows = []
+    reader = csv.reader(io.StringIO(body), delimiter=delimiter, strict=True)
+    try:
+        for cells in reader:
+            row = reader.line_num + 1
+            if not any(cell.strip() for cell in cells) and len(cells) <= 1:
+                continue
+            if len(cells) != len(names):
+                raise DataError(
+                    str(path), f"the line has {len(cells)} fields", row=row, expected=f"{len(names)} as in the header"
+                )
+            rows.append(
+                [_number(path, cell, name, row, skip_text_columns) for name, cell in zip(names, cells, strict=True)]
+            )
+    except csv.Error as error:
+        raise DataError(str(path), f"the line is no CSV: {error}", row=reader.line_num + 1) from error
+    return np.array(rows, dtype=np.float64)
+
+
+def _number(path: Path, cell: str, name: str, row: int, skip_text: bool) -> float:
+    if _NUMBER.fullmatch(cell):
+        value = float(cell)
+        if np.isfinite(value):
+            return value
+    if skip_text or cell.strip() == MISSING:
+        return np.nan
+    if not cell.strip():
+        what = "the cell is empty"
+    elif _NOT_FINITE.fullmatch(cell) or _NUMBER.fullmatch(cell):
+        what = f"'{cell.strip()}' is not a finite number"
+    else:
+        what = f"'{cell.strip()[:40]}' is not a number"
+    raise DataError(
+        str(path),
+        what,
+        column=name,
+        row=row,
+        value=cell[:40],
+        expected=f"a number with a decimal point, or {MISSING} where the signal was not measured",
+    )
+
+
+def _row_lookup(body: str) -> Callable[[int], int]:
+    """Give the function from the index of a sample to its row in the file; blank lines hold no sample."""
+    if "\n\n" not in body and not body.startswith("\n"):
+        return lambda index: index + 2
+    rows = [number for number, line in enumerate(body.split("\n"), start=2) if line.strip()]
+    return lambda index: rows[index]

@@ -1,0 +1,166 @@
+"""From columns of a file to a run: order of time, merged duplicates, gaps, and the facts that metadata carries."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.errors import DataError
+from drivers.signals import INTEGER_SIGNALS
+from rig.log.run import Floats, ProcedureName, Run, RunEvent
+
+Indices = NDArray[np.intp]
+
+GAP_PERIODS = 5
+"""A gap is where more than this many nominal periods are missing."""
+
+
+def make_run(
+    file: Path,
+    time: Floats,
+    signals: Mapping[str, Floats],
+    auxiliary: Mapping[str, Floats],
+    auxiliary_units: Mapping[str, str],
+    metadata: Mapping[str, str],
+    *,
+    events: Sequence[RunEvent] = (),
+    dut_text: str = "",
+    bench_text: str = "",
+    complete: bool = True,
+    warnings: Sequence[str] = (),
+    row_of: Callable[[int], int] = lambda index: index + 1,
+) -> Run:
+    """Give the run for columns of shape (n,) whose `time` (s) may start anywhere and may contain equal stamps.
+
+    `metadata` keys `procedure`, `replicate` and `start_angle` fill the fields of that name. `row_of` maps a sample's
+    index to the row that an error names. Raises DataError where time decreases.
+    """
+    check_order(time, file, row_of)
+    notes = list(warnings)
+    signals, auxiliary = dict(signals), dict(auxiliary)
+    merged_time, groups = _group_equal(time)
+    if groups is not None:
+        count = len(time) - len(merged_time)
+        notes.append(f"{count} sample{'s' if count > 1 else ''} with the time stamp of the one before merged by mean")
+        signals = {name: _merge(name, column, groups) for name, column in signals.items()}
+        auxiliary = {name: _merge(name, column, groups) for name, column in auxiliary.items()}
+    if not len(time):
+        notes.append("the log holds no sample")
+    start = merged_time[0] if len(merged_time) else 0.0
+    # subtracting exactly zero keeps the time of a log that starts at zero as it is, to the bit
+    relative = merged_time - start
+    gaps = find_gaps(relative)
+    if gaps:
+        count = len(gaps)
+        notes.append(
+            f"{count} gap{'s' if count > 1 else ''} of more than {GAP_PERIODS} nominal periods, "
+            f"the first after {gaps[0]:.6g} s"
+        )
+    return Run(
+        name=file.stem,
+        file=file,
+        procedure=_procedure(metadata, notes),
+        time=relative,
+        signals=MappingProxyType(signals),
+        replicate=metadata.get("replicate") or None,
+        start_angle=_start_angle(metadata, notes),
+        auxiliary=MappingProxyType(auxiliary),
+        auxiliary_units=MappingProxyType(dict(auxiliary_units)),
+        gaps=gaps,
+        events=tuple(events),
+        metadata=MappingProxyType(dict(metadata)),
+        dut_text=dut_text,
+        bench_text=bench_text,
+        complete=complete,
+        warnings=tuple(notes),
+    )
+
+
+def check_order(time: Floats, file: Path, row_of: Callable[[int], int]) -> None:
+    """Raise DataError, with the row, where `time` (s, shape (n,)) is not finite or decreases."""
+    bad = np.flatnonzero(~np.isfinite(time))
+    if len(bad):
+        index = int(bad[0])
+        raise DataError(
+            str(file), "time is not a finite number", column="time", row=row_of(index), value=float(time[index])
+        )
+    bad = np.flatnonzero(np.diff(time) < 0)
+    if len(bad):
+        index = int(bad[0]) + 1
+        raise DataError(
+            str(file),
+            f"time decreases from {time[index - 1]:.9g} s to {time[index]:.9g} s",
+            column="time",
+            row=row_of(index),
+            value=float(time[index]),
+            expected="time that never decreases",
+            hint="Cut the recording where the clock was reset, or sort it by time.",
+        )
+
+
+def find_gaps(time: Floats) -> tuple[float, ...]:
+    """Give the times (s) after which more than GAP_PERIODS nominal periods are missing; period: median step."""
+    if len(time) < 3:
+        return ()
+    steps = np.diff(time)
+    period = float(np.median(steps))
+    # half a period of slack: jitter is no missing sample
+    return tuple(float(t) for t in time[:-1][steps > (GAP_PERIODS + 1.5) * period])
+
+
+def constant_columns(columns: Mapping[str, Floats]) -> tuple[str, ...]:
+    """Name the real-valued columns, shape (n,), that hold one and the same value at all of two or more samples."""
+    return tuple(
+        name
+        for name, column in columns.items()
+        if name not in INTEGER_SIGNALS and len(column) > 1 and bool(np.all(column == column[0]))
+    )
+
+
+def _group_equal(time: Floats) -> tuple[Floats, Indices | None]:
+    """Give the distinct times and, if any were equal, the index at which each distinct time starts."""
+    if len(time) < 2 or bool(np.all(np.diff(time) > 0)):
+        return time, None
+    starts = np.flatnonzero(np.concatenate(([True], np.diff(time) > 0)))
+    return time[starts], starts
+
+
+def _merge(name: str, column: Floats, starts: Indices) -> Floats:
+    if name in INTEGER_SIGNALS:
+        # the mean of two status words is no status word: the last one counts
+        last: Floats = column[np.append(starts[1:], len(column)) - 1]
+        return last
+    known = ~np.isnan(column)
+    total = np.add.reduceat(np.where(known, column, 0.0), starts)
+    count = np.add.reduceat(known.astype(np.float64), starts)
+    single = np.diff(np.append(starts, len(column))) == 1
+    mean = np.divide(total, count, out=np.full(len(starts), np.nan), where=count > 0)
+    merged: Floats = np.where(single, column[starts], mean)
+    return merged
+
+
+def _procedure(metadata: Mapping[str, str], notes: list[str]) -> ProcedureName:
+    text = metadata.get("procedure", "")
+    try:
+        return ProcedureName(text)
+    except ValueError:
+        said = f"procedure '{text[:40]}' is not known" if text else "no procedure is stated"
+        notes.append(f"{said}: taken as 'other'")
+        return ProcedureName.OTHER
+
+
+def _start_angle(metadata: Mapping[str, str], notes: list[str]) -> float | None:
+    text = metadata.get("start_angle", "")
+    if not text:
+        return None
+    try:
+        angle = float(text)
+    except ValueError:
+        angle = math.nan
+    if math.isfinite(angle):
+        return angle
+    notes.append(f"start angle '{text[:40]}' is not a number of rad and was left out")
+    return None
