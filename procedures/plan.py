@@ -16,7 +16,8 @@ class BenchFacts:
     """What a procedure may know of the bench before it starts. SI; counts per revolution.
 
     `ratio` of the gear; `rated_torque` N*m at the output; `starting_torque` N*m at the motor (catalogue, or a
-    working guess that the application made and reported); `limits` of the bench; `cycle_time` s.
+    working guess that the application made and reported); `limits` of the bench; `cycle_time` s. `opposed`: the
+    output turns against the wave generator, torsion = output_position + motor_position / ratio.
     """
 
     ratio: float
@@ -31,6 +32,7 @@ class BenchFacts:
     has_lock: bool
     has_output_encoder: bool
     has_torque_sensor: bool
+    opposed: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,201 @@
+"""free-run: constant speeds in both directions with the output free, slow and fast.
+
+One run is one speed: ramp, a leg of whole output turns forward, gentle reversal, the same leg backward. Over whole
+turns cogging and kinematic error average out, and half the difference of the two directions is friction at that
+speed; the ladder of speeds splits it into Coulomb and viscous friction. Slow legs of two output turns show every
+angle-periodic error. Source: Zhang, Ahmad & Liu 2014, section V; Castejon et al. 2009, section 4.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+
+from drivers.errors import RigTimeoutError
+from procedures.checks import Checks
+from procedures.friction import friction_line, leg_mean
+from procedures.hysteresis import Value
+from procedures.intents import Mark, Measurement, Result, Steps
+from procedures.motions import RELEASE_TIME, RELEASED, Motion, dwell, motor_velocity, observed, ramp, release
+from procedures.plan import BenchFacts, PlannedRun, Procedure, parameter
+from procedures.recording import Recording
+from procedures.results import mean_over_runs
+from procedures.set_up import set_up_run
+from procedures.waveforms import TURN
+
+TOP_SPEED = 200.0
+"""Fastest leg where no speeds are given, rad/s: 1900 rpm, where makers state running torque."""
+
+SPEED_SHARE = 0.8
+"""Share of the bench's speed limit that a speed from the bench may use."""
+
+LADDER = (0.125, 0.25, 0.5, 1.0)
+"""Speeds from the bench, in shares of the fastest."""
+
+STILL = 0.02
+"""Share of the leg's speed below which the motor has coasted to rest."""
+
+
+@dataclass(frozen=True, slots=True)
+class FreeRun:
+    """Parameters of free-run; () stands for values from the bench."""
+
+    dwell: float = parameter(5.0, "s", 0.5, 600.0, "quiet dwell with released motor before each run")
+    speeds: tuple[float, ...] = parameter(
+        (), "rad/s", 0.01, 2000.0, "motor speeds, both ways; empty: 1/8, 1/4, 1/2 and 1 of 200 rad/s or 80 % of limit"
+    )
+    turns: int = parameter(2, "1", 1, 1000, "whole output turns per leg")
+    acceleration: float = parameter(100.0, "rad/s^2", 0.1, 1e5, "speed ramps of the motor")
+    settle: float = parameter(0.5, "s", 0.0, 60.0, "time at speed before each leg")
+    coast_down: float = parameter(
+        0.0, "s", 0.0, 600.0, "after each leg the motor is released for so long instead of braked; 0: braked"
+    )
+    repeats: int = parameter(2, "1", 1, 100, "runs at every speed, replicates of each other")
+    tare: bool = parameter(False, "1", 0, 1, "zero the unloaded torque sensor first")
+
+
+def plan(parameters: FreeRun, facts: BenchFacts) -> tuple[PlannedRun, ...]:
+    """Plan one run per speed and repeat. Raises ConfigError if speed or travel exceed the bench's limits."""
+    p = parameters
+    limits = facts.limits
+    top = min(TOP_SPEED, SPEED_SHARE * limits.motor_velocity)
+    speeds = p.speeds or tuple(share * top for share in LADDER)
+    check = Checks("free-run")
+    for speed in speeds:
+        check.at_most("speeds", speed, limits.motor_velocity, "rad/s", "the bench limit motor_velocity")
+    travel = max(TURN * facts.ratio * p.turns + speed * p.settle + speed * speed / p.acceleration for speed in speeds)
+    check.at_most("turns", travel, limits.motor_travel, "rad of motor travel", "the bench limit motor_travel")
+    check.at_most(
+        "turns", travel / facts.ratio, limits.output_travel, "rad of output travel", "the bench limit output_travel"
+    )
+    check.demand(facts.has_torque_sensor or not p.tare, "tare", p.tare, "the bench has no torque sensor to zero")
+    check.raise_if_any()
+    return tuple(_runs(p, speeds, facts))
+
+
+def summarise(results: tuple[Result, ...]) -> Result:
+    """Give Coulomb and viscous friction from all runs, and friction and offset at every speed."""
+    by_name = [{m.name: m for m in result.measurements} for result in results]
+    speeds = [names["speed"].value for names in by_name]
+    friction = [Value(n["friction"].value, n["friction"].uncertainty or 0.0) for n in by_name]
+    found: list[Measurement] = []
+    fitted = friction_line(speeds, friction)
+    if fitted is not None:
+        found = [
+            Measurement(
+                "coulomb_friction",
+                fitted.coulomb.value,
+                "N*m",
+                fitted.coulomb.uncertainty,
+                "friction torque at the motor, extrapolated to zero speed",
+            ),
+            Measurement(
+                "viscous_friction",
+                fitted.viscous.value,
+                "N*m*s/rad",
+                fitted.viscous.uncertainty,
+                "rise of the friction torque with motor speed",
+            ),
+        ]
+    for speed in sorted(set(speeds)):
+        same = [r for r, s in zip(results, speeds, strict=True) if s == speed]
+        found += [
+            Measurement(f"{m.name}_at_{speed:g}_rad_s", m.value, m.unit, m.uncertainty, m.meaning)
+            for m in mean_over_runs(same).measurements
+            if m.name != "speed"
+        ]
+    return Result(tuple(found))
+
+
+def _runs(p: FreeRun, speeds: tuple[float, ...], facts: BenchFacts) -> Iterator[PlannedRun]:
+    if facts.has_lock or p.tare:
+        yield set_up_run("set-up-unlock", facts, tare=p.tare)
+    for repeat in range(1, p.repeats + 1):
+        for index, speed in enumerate(speeds, start=1):
+            yield PlannedRun(
+                name=f"speed-{index}-repeat-{repeat}",
+                steps=partial(_steps, p, speed, facts),
+                duration=_duration(p, speed, facts),
+                replicate=f"free-run-speed-{index}" if p.repeats > 1 else None,
+            )
+
+
+def _leg_time(p: FreeRun, speed: float, facts: BenchFacts) -> float:
+    return TURN * facts.ratio * p.turns / speed
+
+
+def _duration(p: FreeRun, speed: float, facts: BenchFacts) -> float:
+    """Give the run's length: four speed ramps, two of which a coast-down replaces."""
+    stops = 2.0 * (p.coast_down if p.coast_down > 0.0 else speed / p.acceleration)
+    legs = 2.0 * (speed / p.acceleration + p.settle + _leg_time(p, speed, facts))
+    return p.dwell + legs + stops + RELEASE_TIME
+
+
+def _steps(p: FreeRun, speed: float, facts: BenchFacts) -> Steps:
+    legs: list[Recording] = []
+    yield Mark("dwell", p.dwell)
+    yield from dwell(p.dwell, RELEASED, facts.cycle_time)
+    for direction, sign in (("forward", 1.0), ("backward", -1.0)):
+        recording = Recording("motor_torque")
+        yield from _leg(p, direction, sign * speed, facts, recording)
+        legs.append(recording)
+    yield from release(facts.cycle_time)
+    turns = max(1, round(p.turns * facts.ratio))
+    forward, backward = (leg_mean(leg.columns()[0], turns) for leg in legs)
+    error = 0.5 * math.hypot(forward.uncertainty, backward.uncertainty)
+    return Result(
+        (
+            Measurement("speed", speed, "rad/s", None, "motor speed of both legs"),
+            Measurement(
+                "friction",
+                0.5 * (forward.value - backward.value),
+                "N*m",
+                error,
+                "half difference of the mean motor torques of both directions",
+            ),
+            Measurement(
+                "torque_offset",
+                0.5 * (forward.value + backward.value),
+                "N*m",
+                error,
+                "half sum of the mean motor torques of both directions: what does not turn with the motion",
+            ),
+        )
+    )
+
+
+def _leg(p: FreeRun, direction: str, speed: float, facts: BenchFacts, recording: Recording) -> Motion:
+    """Speed up from rest, run whole turns, and come to rest, braked or coasting."""
+    shape, cycle_time = motor_velocity(), facts.cycle_time
+    ramp_time = abs(speed) / p.acceleration
+    yield Mark(f"speed up {direction}", ramp_time + p.settle)
+    yield from ramp(0.0, speed, p.acceleration, shape, cycle_time)
+    if p.settle > 0.0:
+        yield from dwell(p.settle, shape(speed), cycle_time)
+    leg_time = _leg_time(p, abs(speed), facts)
+    yield Mark(f"leg {direction} at {abs(speed):g} rad/s", leg_time)
+    sample = yield from observed(dwell(leg_time, shape(speed), cycle_time), recording.add)
+    if p.coast_down > 0.0:
+        yield Mark("coast-down", p.coast_down)
+        sample = yield from dwell(p.coast_down, RELEASED, cycle_time)
+        if sample.motor_velocity is not None and abs(sample.motor_velocity) > STILL * abs(speed):
+            raise RigTimeoutError(
+                "the motor to coast to rest",
+                p.coast_down,
+                last_seen=f"{sample.motor_velocity:.4g} rad/s",
+                hint="Both axes are released. Raise coast_down.",
+            )
+        return sample
+    yield Mark("slow down", ramp_time)
+    return (yield from ramp(speed, 0.0, p.acceleration, shape, cycle_time))
+
+
+PROCEDURE = Procedure(
+    name="free-run",
+    summary="constant speeds both ways with the output free: friction, kinematic error, cogging",
+    parameters=FreeRun,
+    plan=plan,
+    summarise=summarise,
+    needs=("motor_position", "motor_torque"),
+    on_abort="The motor torque is ramped to zero and the motor released; it coasts to rest by its friction.",
+)

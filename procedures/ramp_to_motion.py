@@ -1,0 +1,107 @@
+"""A torque ramp from rest that ends as soon as the motor has broken away."""
+
+from collections import deque
+from dataclasses import dataclass
+
+from drivers.errors import ConfigError, Mistake
+from drivers.types import Sample
+from procedures.breakaway import Breakaway, find_breakaway
+from procedures.errors import NoMotionError
+from procedures.intents import Measurement
+from procedures.motions import Motion, Shaper
+from procedures.recording import Recording, measured
+from procedures.waveforms import cycles, line
+
+SPEED_SPAN = 0.01
+"""Time over which a speed is taken from the angle, s: one count per cycle is no speed."""
+
+RUN_AWAY_TIME = 0.2
+"""Typical time from breakaway to the stop, s; only the expected duration depends on it."""
+
+
+@dataclass(frozen=True, slots=True)
+class BreakawayRamp:
+    """How a ramp is driven and when it ends.
+
+    `signal` is the torque channel (name of a sample field) that is evaluated, `torque_max` N*m and `rate` N*m/s
+    are magnitudes; `motion` rad and `speed_max` rad/s of the motor end the ramp, whichever comes first.
+    """
+
+    signal: str
+    torque_max: float
+    rate: float
+    motion: float
+    speed_max: float
+
+
+def ramp_to_motion(
+    ramp: BreakawayRamp, direction: float, shape: Shaper, rest: Sample, cycle_time: float, recording: Recording
+) -> Motion:
+    """Raise the torque from zero in `direction` (+1 or -1) until the motor runs away; return that cycle's sample.
+
+    The samples are added to `recording`. Raises NoMotionError if `torque_max` is reached first.
+    """
+    start = measured(rest.motor_position, "motor_position")
+    past = deque([start], maxlen=cycles(SPEED_SPAN, cycle_time) + 1)
+    travel = 0.0
+    sample = rest
+    for torque in line(0.0, direction * ramp.torque_max, ramp.rate, cycle_time):
+        sample = yield shape(torque)
+        recording.add(sample)
+        position = measured(sample.motor_position, "motor_position")
+        past.append(position)
+        travel = position - start
+        speed = abs(position - past[0]) / ((len(past) - 1) * cycle_time)
+        if abs(travel) >= ramp.motion or (len(past) == past.maxlen and speed >= ramp.speed_max):
+            return sample
+    raise NoMotionError(
+        ramp.signal,
+        torque=direction * ramp.torque_max,
+        limit=ramp.torque_max,
+        travel=travel,
+        motion=ramp.motion,
+        cycle=sample.cycle,
+    )
+
+
+def breakaway_measurements(found: Breakaway, direction: str, what: str) -> tuple[Measurement, ...]:
+    """Name the two torques of one direction ("forward" or "backward"); `what` says which torque on what."""
+    return (
+        Measurement(
+            f"breakaway_torque_{direction}",
+            found.torque,
+            "N*m",
+            found.uncertainty,
+            f"{what} at which the motor runs away, {direction}: kink of a two-branch fit, magnitude",
+        ),
+        Measurement(
+            f"first_pulse_torque_{direction}",
+            found.first_pulse,
+            "N*m",
+            found.first_pulse_uncertainty,
+            f"{what} at the first encoder pulse, {direction}: depends on the encoder's resolution, magnitude",
+        ),
+    )
+
+
+def evaluate_ramp(recording: Recording, resolution: float, direction: float, motor_sense: float) -> Breakaway:
+    """Evaluate a recording of (time, torque, motor_position); `resolution` rad per count.
+
+    `motor_sense` is +1 if a positive torque must turn the motor forward, -1 if backward. Raises ConfigError if the
+    motor went the other way: then a channel's sign is wrong, and no result of this bench would be right.
+    """
+    time, torque, position = recording.columns()
+    travel = float(position[-1] - position[0])
+    if travel * direction * motor_sense < 0.0:
+        raise ConfigError(
+            "signs of the bench file",
+            [
+                Mistake(
+                    "motor_position.sign",
+                    f"{travel:.4g} rad",
+                    f"the motor turned against what a torque of sign {direction:+.0f} must do",
+                )
+            ],
+            hint="Turn the sign of the torque or of the position channel in the bench file.",
+        )
+    return find_breakaway(time, torque, position, resolution)
