@@ -1,0 +1,1 @@
+"""Buses between the application and the simulated devices."""

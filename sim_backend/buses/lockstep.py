@@ -1,0 +1,176 @@
+"""Threadless bus in lock-step with simulated time, as a python-can bus.
+
+`send` hands a frame to all devices at once; their answers wait in the receive queue, stamped with simulated time.
+`recv` gives a waiting frame, or lets the world run until there is one or the time-out has passed in simulated
+time. Nothing reads a wall clock, so a run is the same bit for bit each time.
+"""
+
+import heapq
+import threading
+from collections import deque
+from collections.abc import Sequence
+from typing import Protocol
+
+import can
+
+from sim_backend.buses.hooks import MASTER, Delivery, Hook
+from sim_backend.nodes.frame import Frame, Node
+
+BITRATE = 1_000_000
+"""bit/s."""
+
+SILENCE_LIMIT = 60.0
+"""s of simulated time after which `recv` without a time-out gives up: in lock-step it would never return."""
+
+CASCADE_LIMIT = 10_000
+"""Frames that may follow from one another at one instant: more is a loop between devices."""
+
+
+def frame_bits(size: int) -> int:
+    """Give the bits on the wire of a data frame with an 11-bit identifier and `size` bytes, worst-case stuffing.
+
+    34 + 8 size stuffable bits, at most one stuff bit per four after the first, 13 bits more with the gap.
+    """
+    stuffable = 34 + 8 * size
+    return stuffable + (stuffable - 1) // 4 + 13
+
+
+_BITS = tuple(frame_bits(size) for size in range(9))
+
+
+class SteppedWorld(Protocol):
+    """What owns simulated time."""
+
+    lock: threading.RLock
+
+    @property
+    def time(self) -> float:
+        """Simulated time, s."""
+
+    def step_towards(self, deadline: float) -> None:
+        """Advance to the next tick, or to `deadline` (s) if that comes first."""
+
+
+class LockstepBus(can.BusABC):
+    """A classic CAN bus with 11-bit identifiers. Made by `World`; extended and remote frames reach no device."""
+
+    def __init__(self, world: SteppedWorld, nodes: Sequence[Node], bitrate: int = BITRATE) -> None:
+        self.bitrate = bitrate
+        self.bits = 0
+        self.channel_info = "simulated bench, lock-step"
+        self._world = world
+        self._lock = world.lock
+        self._nodes = tuple(nodes)
+        self._received: deque[can.Message] = deque()
+        self._hooks: tuple[Hook, ...] = ()
+        self._delayed: list[tuple[float, int, int, Frame]] = []
+        self._delay_count = 0
+        super().__init__(channel="lock-step")
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Hand one frame to all devices. Raises CanOperationError after shutdown, or for a CAN FD frame."""
+        if self._is_shutdown:
+            raise can.CanOperationError("the simulated bus was shut down; nothing was sent")
+        if msg.is_fd:
+            raise can.CanOperationError(f"frame 0x{msg.arbitration_id:X}: the simulated bus has no CAN FD")
+        if msg.is_extended_id or msg.is_remote_frame or msg.is_error_frame:
+            return
+        with self._lock:
+            self.transmit(MASTER, Frame(msg.arbitration_id, bytes(msg.data)))
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """Give the next frame, or None after `timeout` s of simulated time.
+
+        Raises CanOperationError after shutdown, and without a time-out after 60 s of silence.
+        """
+        deadline = None
+        while True:
+            with self._lock:
+                if self._is_shutdown:
+                    raise can.CanOperationError("the simulated bus was shut down; nothing can be received")
+                while self._received:
+                    message = self._received.popleft()
+                    if self._filters is None or self._matches_filters(message):
+                        return message
+                if deadline is None:
+                    deadline = self._world.time + (SILENCE_LIMIT if timeout is None else timeout)
+                if self._world.time >= deadline:
+                    break
+                self._world.step_towards(deadline)
+        if timeout is None:
+            raise can.CanOperationError(f"no frame within {SILENCE_LIMIT:g} s of simulated time")
+        return None
+
+    def transmit(self, sender: int, frame: Frame) -> None:
+        """Put one frame on the bus; `sender` is a node id, or MASTER."""
+        work = deque([(sender, frame)])
+        for count in range(CASCADE_LIMIT):
+            if not work:
+                return
+            sender, frame = work.popleft()
+            if not self._hooks:
+                self._deliver(sender, frame, work)
+                continue
+            for travelling, later in self._disturb(sender, frame):
+                if later > 0:
+                    heapq.heappush(
+                        self._delayed, (self._world.time + later, self._delay_count + count, sender, travelling)
+                    )
+                    self._delay_count += 1
+                else:
+                    self._deliver(sender, travelling, work)
+        raise can.CanOperationError(f"bus overload: {CASCADE_LIMIT} frames follow from one another at one instant")
+
+    def release(self) -> None:
+        """Deliver the delayed frames whose time has come."""
+        now = self._world.time
+        while self._delayed and self._delayed[0][0] <= now:
+            _, _, sender, frame = heapq.heappop(self._delayed)
+            work: deque[tuple[int, Frame]] = deque()
+            self._deliver(sender, frame, work)
+            for answer_sender, answer in work:
+                self.transmit(answer_sender, answer)
+
+    def load(self, seconds: float) -> float:
+        """Give the bus load, 0 to 1 and above, if all `bits` so far had been sent within `seconds`."""
+        if not seconds > 0:
+            raise ValueError(f"a bus load needs a positive time, not {seconds} s")
+        return self.bits / (self.bitrate * seconds)
+
+    def add_hook(self, hook: Hook) -> None:
+        """Let `hook` disturb the frames from now on."""
+        self._hooks = (*self._hooks, hook)
+
+    def remove_hook(self, hook: Hook) -> None:
+        """Take a disturbance away again."""
+        self._hooks = tuple(other for other in self._hooks if other is not hook)
+
+    def shutdown(self) -> None:
+        """Close the bus for its user; the devices live on."""
+        self._received.clear()
+        super().shutdown()
+
+    def send_periodic(self, *_args: object, **_kwargs: object) -> can.CyclicSendTaskABC:
+        """Refuse: a cyclic sender runs on wall-clock time, which this bus does not know."""
+        raise can.CanInterfaceNotImplementedError("the simulated lock-step bus has no cyclic sender")
+
+    def _disturb(self, sender: int, frame: Frame) -> list[Delivery]:
+        travelling = [Delivery(frame)]
+        for hook in self._hooks:
+            travelling = [
+                Delivery(after.frame, before.delay + after.delay)
+                for before in travelling
+                for after in hook(sender, before.frame)
+            ]
+        return travelling
+
+    def _deliver(self, sender: int, frame: Frame, work: deque[tuple[int, Frame]]) -> None:
+        can_id, data = frame
+        self.bits += _BITS[len(data)]
+        time = self._world.time
+        if sender != MASTER and not self._is_shutdown:
+            self._received.append(can.Message(time, can_id, is_extended_id=False, data=data))
+        for node in self._nodes:
+            if node.node_id != sender:
+                for answer in node.on_frame(time, can_id, data):
+                    work.append((node.node_id, answer))

@@ -1,0 +1,29 @@
+"""A CAN data frame with an 11-bit identifier, and what the bus asks of a device."""
+
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
+
+
+class Frame(NamedTuple):
+    """One data frame: identifier 0 to 0x7FF, 0 to 8 bytes."""
+
+    can_id: int
+    data: bytes
+
+
+NO_FRAMES: tuple[Frame, ...] = ()
+"""The common answer of a device that has nothing to say; shared, so that silence costs nothing."""
+
+
+class Node(Protocol):
+    """A device on the bus. Time is simulated, in s, and never goes backwards."""
+
+    @property
+    def node_id(self) -> int:
+        """CANopen node id, 1 to 127."""
+
+    def on_frame(self, time: float, can_id: int, data: bytes) -> Sequence[Frame]:
+        """Hear one frame of another participant; give the frames it makes the device send."""
+
+    def tick(self, time: float) -> Sequence[Frame]:
+        """Let time pass; give the frames that are due."""

@@ -1,0 +1,97 @@
+"""The simulated bench as a whole: plant, devices and bus under one simulated clock.
+
+Time moves when it is told to, in ticks that are counted as integers: a million ticks are exact.
+"""
+
+import heapq
+import math
+import threading
+from collections.abc import Callable, Sequence
+
+from sim_backend.buses.lockstep import LockstepBus
+from sim_backend.errors import ModelError
+from sim_backend.nodes.frame import Node
+from sim_backend.ports import PlantPort
+
+TICK = 1e-3
+"""s between the firmware cycles of the devices."""
+
+_SNAP = 1e-6
+"""Part of a tick by which a requested time may miss a tick and still mean it."""
+
+
+class World:
+    """A bench that is not there. `bus` is a python-can bus; the devices are powered and pre-operational at time 0."""
+
+    def __init__(self, plant: PlantPort, nodes: Sequence[Node], tick: float = TICK) -> None:
+        if not (math.isfinite(tick) and tick > 0):
+            raise ModelError(f"tick = {tick} s of the simulated world must be a positive number")
+        self._nodes = {node.node_id: node for node in nodes}
+        if len(self._nodes) != len(nodes):
+            raise ModelError(f"node ids {[node.node_id for node in nodes]} of the simulated devices must differ")
+        self.lock = threading.RLock()
+        self.plant = plant
+        self.tick = tick
+        self._time = 0.0
+        self._ticks = 0
+        self._scheduled: list[tuple[float, int, Callable[[], None]]] = []
+        self._schedule_count = 0
+        self.bus = LockstepBus(self, nodes)
+        self._tick_nodes()
+
+    @property
+    def time(self) -> float:
+        """Simulated time, s."""
+        return self._time
+
+    def node(self, node_id: int) -> Node:
+        """Give a device by its node id. Raises ModelError if there is none."""
+        try:
+            return self._nodes[node_id]
+        except KeyError:
+            raise ModelError(f"the simulated bench has no node {node_id}, only {sorted(self._nodes)}") from None
+
+    def advance_to(self, time: float) -> None:
+        """Run plant and devices up to `time` (s); return at once if that has passed."""
+        if not math.isfinite(time):
+            raise ModelError(f"the simulated world cannot advance to time {time} s")
+        with self.lock:
+            while self._time < time:
+                self.step_towards(time)
+
+    def step_towards(self, deadline: float) -> None:
+        """Advance to the next tick, or to `deadline` (s) if that comes first."""
+        next_tick = (self._ticks + 1) * self.tick
+        if deadline < next_tick - _SNAP * self.tick:
+            if deadline > self._time:
+                self.plant.advance_to(deadline)
+                self._time = deadline
+            return
+        self._ticks += 1
+        self.plant.advance_to(next_tick)
+        # a deadline that misses the tick by rounding is reached with it
+        self._time = max(next_tick, deadline) if deadline - next_tick < _SNAP * self.tick else next_tick
+        self._tick_nodes()
+
+    def schedule(self, time: float, action: Callable[[], None]) -> None:
+        """Do `action` at the first tick at or after `time` (s), before the devices act; at once if that has passed."""
+        if not math.isfinite(time):
+            raise ModelError(f"nothing can be scheduled for time {time} s")
+        if time <= self._time:
+            action()
+            return
+        heapq.heappush(self._scheduled, (time, self._schedule_count, action))
+        self._schedule_count += 1
+
+    def set_lock(self, locked: bool) -> None:
+        """Clamp the output to the fixture where it stands, or let it go."""
+        self.plant.set_lock(locked)
+
+    def _tick_nodes(self) -> None:
+        time = self._time
+        while self._scheduled and self._scheduled[0][0] <= time + _SNAP * self.tick:
+            heapq.heappop(self._scheduled)[2]()
+        self.bus.release()
+        for node_id, node in self._nodes.items():
+            for frame in node.tick(time):
+                self.bus.transmit(node_id, frame)
