@@ -20,6 +20,20 @@ from sim_backend.ports import AxisMode, PlantReading
 _NOISE_BLOCK = 1024
 """Readings whose noise is drawn at once."""
 
+_READ = np.array(
+    [
+        stepper.MOTOR_POSITION,
+        stepper.MOTOR_VELOCITY,
+        stepper.MOTOR_TORQUE,
+        stepper.OUTPUT_POSITION,
+        stepper.OUTPUT_VELOCITY,
+        stepper.LOAD_TORQUE,
+        stepper.OUTPUT_POSITION,
+        stepper.OUTPUT_TORQUE,
+    ]
+)
+"""What the instruments see, in the order of PlantReading; the load drive sits on the output shaft."""
+
 _AXES = {
     "motor": (stepper.MOTOR_MODE, stepper.MOTOR_TARGET, stepper.MOTOR_LIMIT, stepper.MOTOR_LIMITED),
     "load": (stepper.LOAD_MODE, stepper.LOAD_TARGET, stepper.LOAD_LIMIT, stepper.LOAD_LIMITED),
@@ -72,18 +86,8 @@ class Plant:
         self._inputs[stepper.TEMPERATURE] = config.temperature
         self._inputs[stepper.MOTOR_TEMPERATURE] = config.motor_temperature
         self._random = np.random.default_rng(seed)
-        self._spread = np.array(
-            [
-                config.motor_angle_noise,
-                config.motor_velocity_noise,
-                config.motor_torque_noise,
-                config.output_angle_noise,
-                config.load_velocity_noise,
-                config.load_torque_noise,
-                config.output_torque_noise,
-            ]
-        )
-        self._noise: list[list[float]] = []
+        self._noise = np.empty((0, len(_READ)))
+        self._reads = 0
         self._steps = 0
         self._reading: PlantReading | None = None
         self._start_at_rest()
@@ -138,9 +142,12 @@ class Plant:
         """Clamp the output to the fixture where it stands, or let it go."""
         if locked == self.locked:
             return
+        self._state[stepper.DISSIPATED] += self._fixture_energy()
         self._inputs[stepper.LOCKED] = 1.0 if locked else 0.0
         self._inputs[stepper.LOCK_POSITION] = self._state[stepper.OUTPUT_POSITION]
         self._state[stepper.FIXTURE_TORQUE] = 0.0
+        self._state[stepper.OUTPUT_TORQUE] = self._state[stepper.LOAD_TORQUE]
+        self._reading = None
 
     def read(self) -> PlantReading:
         """Read the instruments now; repeated reads at one instant give the same values.
@@ -148,24 +155,11 @@ class Plant:
         `output_torque` is the transducer between the output flange and what is outside: load drive and fixture.
         """
         if self._reading is None:
-            if not self._noise:
-                drawn = self._random.standard_normal((_NOISE_BLOCK, len(self._spread))) * self._spread
-                self._noise = drawn.tolist()
-            noise = self._noise.pop()
-            s = self._state.tolist()
-            output_position = s[stepper.OUTPUT_POSITION] + noise[3]
-            self._reading = PlantReading(
-                motor_position=s[stepper.MOTOR_POSITION] + noise[0],
-                motor_velocity=s[stepper.MOTOR_VELOCITY] + noise[1],
-                motor_torque=s[stepper.MOTOR_TORQUE] + noise[2],
-                load_position=output_position,
-                load_velocity=s[stepper.OUTPUT_VELOCITY] + noise[4],
-                load_torque=s[stepper.LOAD_TORQUE] + noise[5],
-                output_position=output_position,
-                output_torque=s[stepper.LOAD_TORQUE] + s[stepper.FIXTURE_TORQUE] + noise[6],
-                temperature=self.config.temperature,
-                motor_temperature=self.config.motor_temperature,
-            )
+            if self._reads == len(self._noise):
+                self._draw_noise()
+            values = (self._state[_READ] + self._noise[self._reads]).tolist()
+            self._reads += 1
+            self._reading = PlantReading._make((*values, self.config.temperature, self.config.motor_temperature))
         return self._reading
 
     def truth(self) -> PlantTruth:
@@ -180,7 +174,7 @@ class Plant:
             rim_position=s[stepper.RIM],
             motor_torque=s[stepper.MOTOR_TORQUE],
             load_torque=s[stepper.LOAD_TORQUE],
-            output_torque=s[stepper.LOAD_TORQUE] + s[stepper.FIXTURE_TORQUE],
+            output_torque=s[stepper.OUTPUT_TORQUE],
             flexspline_torque=s[stepper.T_F_NOW],
             wave_generator_torque=s[stepper.T_W_NOW],
             work=s[stepper.WORK],
@@ -188,6 +182,22 @@ class Plant:
             effect_work=s[stepper.EFFECT_WORK],
             stored=self._stored_energy(),
         )
+
+    def _draw_noise(self) -> None:
+        """Draw the noise of the next readings; both output angles are one encoder."""
+        c = self.config
+        drawn = self._random.standard_normal((_NOISE_BLOCK, 7))
+        drawn *= (
+            c.motor_angle_noise,
+            c.motor_velocity_noise,
+            c.motor_torque_noise,
+            c.output_angle_noise,
+            c.load_velocity_noise,
+            c.load_torque_noise,
+            c.output_torque_noise,
+        )
+        self._noise = drawn[:, [0, 1, 2, 3, 4, 5, 3, 6]]
+        self._reads = 0
 
     def _start_at_rest(self) -> None:
         """Put the output where the transmission error leaves no torque, and take up what the effects do there."""
@@ -206,6 +216,7 @@ class Plant:
         s[stepper.OUTPUT_FORCE] = -s[stepper.OUTPUT_EFFECTS]
 
     def _stored_energy(self) -> float:
+        s: list[float]
         s, c = self._state.tolist(), self._derived
         flexspline = abs(s[stepper.OUTPUT_POSITION] - s[stepper.ERROR] - s[stepper.RIM])
         bent = min(flexspline, c.flexspline_knee)
@@ -220,10 +231,14 @@ class Plant:
         energy += straight * (c.wave_generator_knee_torque + 0.5 * c.wave_generator_cap * straight)
         energy += 0.5 * c.motor_inertia * s[stepper.MOTOR_VELOCITY] ** 2
         energy += 0.5 * c.output_inertia * s[stepper.OUTPUT_VELOCITY] ** 2
-        if self.locked:
-            stretch = s[stepper.OUTPUT_POSITION] - self._inputs[stepper.LOCK_POSITION]
-            energy += 0.5 * c.fixture_stiffness * stretch**2
-        return float(energy)
+        return energy + self._fixture_energy()
+
+    def _fixture_energy(self) -> float:
+        """Give the energy in the fixture's spring, J; it is lost when the fixture opens."""
+        if not self.locked:
+            return 0.0
+        stretch = float(self._state[stepper.OUTPUT_POSITION] - self._inputs[stepper.LOCK_POSITION])
+        return 0.5 * self.config.fixture_stiffness * stretch**2
 
 
 def _places(axis: str) -> tuple[int, int, int, int]:

@@ -57,8 +57,9 @@ def derive(config: PlantConfig) -> Constants:
     """Give the constants of a plant.
 
     Loop gains follow from the inertias. Motor: velocity loop of 100 Hz, its integral at a fifth of that, position
-    loop at a fifth. Load: its own inertia is small and sits on the flexspline, so the integral, which alone works
-    against a spring, is at half the bandwidth of 2000 rad/s, and the position loop is slow enough for it.
+    loop at a fifth. Load: the velocity gain is as large as its own small inertia allows, 4000 rad/s; integral and
+    position gain suit the inertia which it drags when the mesh slides, hundreds of times larger, and stay stable
+    by Routh's criterion for velocity_gain * (integral_gain + position_gain * velocity_gain) / dragged = 3.25 to 2.25.
     """
     drive = config.drive
     flexspline_slope = math.sqrt(config.flexspline_stiffness_cap / drive.K_F0 - 1.0)
@@ -67,8 +68,9 @@ def derive(config: PlantConfig) -> Constants:
     decay = math.exp(-config.step / config.current_loop_time)
     motor_bandwidth = 2.0 * math.pi * 100.0
     motor_velocity_gain = motor_bandwidth * config.motor_inertia
-    load_bandwidth = 2000.0
-    load_velocity_gain = load_bandwidth * config.output_inertia
+    load_velocity_gain = 4000.0 * config.output_inertia
+    dragged_inertia = config.output_inertia + drive.ratio**2 * config.motor_inertia
+    load_position_gain = load_velocity_gain / dragged_inertia
     return Constants(
         step=config.step,
         ratio=drive.ratio,
@@ -102,9 +104,9 @@ def derive(config: PlantConfig) -> Constants:
         motor_velocity_gain=motor_velocity_gain,
         motor_integral_gain=motor_velocity_gain * motor_bandwidth / 5.0,
         motor_speed_limit=config.motor_speed_limit,
-        load_position_gain=200.0,
+        load_position_gain=load_position_gain,
         load_velocity_gain=load_velocity_gain,
-        load_integral_gain=load_velocity_gain * load_bandwidth / 2.0,
+        load_integral_gain=2.25 * load_velocity_gain * load_position_gain,
         load_speed_limit=config.load_speed_limit,
     )
 

@@ -1,7 +1,7 @@
 """Parameters of the harmonic drive and of the simulated bench, with the checks that keep them physical."""
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Self
 
@@ -132,11 +132,10 @@ class PlantConfig:
                 f"rotation = {str(self.rotation)!r}: the simulated bench turns its output against the motor only. "
                 f"Use 'opposed', or mirror the motor's signals before they reach the model."
             )
-        for name in _POSITIVE:
-            _check(name, getattr(self, name), _POSITIVE[name], above=0.0)
-        for item in fields(self):
-            if item.name.endswith(("_noise", "_friction", "_damping")):
-                _check(item.name, getattr(self, item.name), "SI", low=0.0)
+        for name, unit in _POSITIVE.items():
+            _check(name, getattr(self, name), unit, above=0.0)
+        for name, unit in _NOT_NEGATIVE.items():
+            _check(name, getattr(self, name), unit, low=0.0)
         _check("wave_generator_stiffness_cap", self.wave_generator_stiffness_cap, "N*m/rad", above=self.drive.K_w0)
         _check("flexspline_stiffness_cap", self.flexspline_stiffness_cap, "N*m/rad", above=self.drive.K_F0)
         _check("temperature", self.temperature, "degC", low=-273.15)
@@ -171,6 +170,21 @@ _POSITIVE = {
     "loop_period": "s",
     "step": "s",
 }
+_NOT_NEGATIVE = {
+    "wave_generator_inertia": "kg*m^2",
+    "rotor_friction": "N*m",
+    "rotor_viscous_friction": "N*m*s",
+    "wave_generator_damping": "N*m*s/rad",
+    "flexspline_damping": "N*m*s/rad",
+    "fixture_damping": "N*m*s/rad",
+    "output_torque_noise": "N*m",
+    "motor_torque_noise": "N*m",
+    "load_torque_noise": "N*m",
+    "motor_angle_noise": "rad",
+    "output_angle_noise": "rad",
+    "motor_velocity_noise": "rad/s",
+    "load_velocity_noise": "rad/s",
+}
 
 
 def _check(
@@ -185,8 +199,8 @@ def _check(
     """Raise ModelError unless `value` is finite, >= low, > above and < below."""
     if math.isfinite(value) and value >= low and value > above and value < below:
         return
-    wanted = "at least " + f"{low:g}" if math.isfinite(low) else "above " + f"{above:g}"
-    upper = f" and below {below:g}" if math.isfinite(below) else ""
-    raise ModelError(
-        f"{name} = {value!r} {unit} cannot be simulated: it must be finite, {wanted}{upper} {unit}.".replace("  ", " ")
-    )
+    wanted = f"at least {low:g}" if math.isfinite(low) else f"above {above:g}"
+    if math.isfinite(below):
+        wanted += f" and below {below:g}"
+    text = f"{name} = {value!r} {unit}".rstrip()
+    raise ModelError(f"{text} cannot be simulated: it must be finite, {wanted} {unit}".rstrip() + ".")

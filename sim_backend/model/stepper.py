@@ -32,6 +32,7 @@ from sim_backend.model.rim import move_rim
     T_F_NOW,
     T_W_NOW,
     FIXTURE_TORQUE,
+    OUTPUT_TORQUE,
     MOTOR_FORCE,
     OUTPUT_FORCE,
     MOTOR_EFFECTS,
@@ -49,7 +50,7 @@ from sim_backend.model.rim import move_rim
     DISSIPATED,
     EFFECT_WORK,
     STATE_SIZE,
-) = range(29)
+) = range(30)
 """Places in the state array. The last three are the energy account, J: work of both drives, heat, work on effects."""
 
 (
@@ -177,6 +178,7 @@ def advance(
     s[RIM], s[SLIP], s[LEVEL], s[ERROR] = rim, slip, level, error
     s[MOTOR_TORQUE], s[LOAD_TORQUE] = motor_torque, load_torque
     s[T_F_NOW], s[T_W_NOW], s[FIXTURE_TORQUE] = T_F, T_w, fixture
+    s[OUTPUT_TORQUE] = load_torque + fixture
     s[MOTOR_FORCE], s[OUTPUT_FORCE] = motor_force, output_force
     s[MOTOR_EFFECTS], s[OUTPUT_EFFECTS] = motor_extra, output_extra
     s[LOOP_WAIT], s[MOTOR_COMMAND], s[LOAD_COMMAND] = wait, motor_command, load_command
