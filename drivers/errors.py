@@ -79,8 +79,11 @@ class DriveFaultError(RigError):
     """A drive is in fault, refused a command, or restarted.
 
     Attributes: `device`, `state` (CiA 402 state name), `error_code` and `error_register` as numbers (0 when
-    the drive named none), `last_setpoint` in SI or None.
+    the drive named none), `last_setpoint` in SI or None. A subclass for other devices changes
+    `noun`; an empty state is left out of the message.
     """
+
+    noun: ClassVar[str] = "Drive"
 
     def __init__(
         self,
@@ -99,8 +102,9 @@ class DriveFaultError(RigError):
         self.error_register = error_register
         self.last_setpoint = last_setpoint
         code = f" Error code 0x{error_code:04X}, error register 0x{error_register:02X}." if error_code else ""
+        condition = f" (state: {state})" if state else ""
         super().__init__(
-            f"Drive '{device}' {what} (state: {state}).{code}",
+            f"{self.noun} '{device}' {what}{condition}.{code}",
             hint=hint,
             device=device,
             state=state,

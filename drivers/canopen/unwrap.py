@@ -1,0 +1,30 @@
+"""An endless angle from a counter that wraps.
+
+    d = ((new - old + R/2) mod R) - R/2
+
+is the shortest way from the old to the new raw value of a counter with range R. It is right as long as the true
+step is below R/2; steps above R/4 are called implausible, so that a lost sample is noticed before it is misread.
+"""
+
+
+class Unwrapper:
+    """Counts without wraps, from raw values 0 .. `span` - 1 (or the same range shifted)."""
+
+    def __init__(self, span: int) -> None:
+        self.span = span
+        self.counts = 0
+        self.plausible = True
+        self._half = span // 2
+        self._raw = 0
+
+    def start(self, raw: int) -> None:
+        """Begin at a raw value; the count is that value."""
+        self.counts = self._raw = raw
+        self.plausible = True
+
+    def step(self, raw: int) -> None:
+        """Take the next raw value."""
+        moved = (raw - self._raw + self._half) % self.span - self._half
+        self.counts += moved
+        self._raw = raw
+        self.plausible = 4 * abs(moved) <= self.span
