@@ -15,8 +15,8 @@ from pydantic import BeforeValidator, ConfigDict, Field
 from drivers.errors import DataError
 from drivers.signals import BY_NAME, INTEGER_SIGNALS, TIME
 from rig.config.toml_file import FileModel, parse_toml, read_text
+from rig.log.names import plain_name
 from rig.log.run import Floats, ProcedureName, Run
-from rig.log.schema import plain_name
 from rig.log.text_table import MISSING, read_text_table
 from rig.log.timeline import constant_columns, make_run
 from rig.log.units import find_unit, spellings, to_si

@@ -92,13 +92,27 @@ class McapFile:
 
     def add_channel(self, topic: str, type_name: str, schema: bytes, metadata: Mapping[str, str]) -> int:
         """Declare a protobuf channel in the open chunk; give its id."""
+        return self.copy_channel(
+            Channel(id=0, topic=topic, message_encoding="protobuf", metadata=dict(metadata), schema_id=0),
+            Schema(id=0, data=schema, encoding="protobuf", name=type_name),
+        )
+
+    def copy_channel(self, channel: Channel, schema: Schema | None) -> int:
+        """Declare a channel like one of another file, with its schema, in the open chunk; give its id here."""
         number = len(self._channels) + 1
-        self._schemas.append(Schema(id=number, data=schema, encoding="protobuf", name=type_name))
+        if schema is not None:
+            self._schemas.append(Schema(id=number, data=schema.data, encoding=schema.encoding, name=schema.name))
+            self._append(_record(self._schemas[-1]))
         self._channels.append(
-            Channel(id=number, topic=topic, message_encoding="protobuf", metadata=dict(metadata), schema_id=number)
+            Channel(
+                id=number,
+                topic=channel.topic,
+                message_encoding=channel.message_encoding,
+                metadata=channel.metadata,
+                schema_id=number if schema is not None else 0,
+            )
         )
         self._counts[number] = 0
-        self._append(_record(self._schemas[-1]))
         self._append(_record(self._channels[-1]))
         return number
 

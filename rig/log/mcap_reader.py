@@ -34,6 +34,9 @@ from rig.log.schema import (
 from rig.log.timeline import make_run
 from rig.log.wire import MESSAGE_HEAD, Columns
 
+IMPORT_WARNINGS = "import_warnings"
+"""Key of metadata `run` under which an import tells what it noticed."""
+
 EVENT_KIND_DEVICE = "device"
 """Kind of the run events that stand for messages of a device."""
 
@@ -51,8 +54,7 @@ class LogContent:
     path: Path
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
-    run: dict[str, str] | None = None
-    outcome: dict[str, str] | None = None
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
     damages: list[Damage] = field(default_factory=list)
 
@@ -77,7 +79,9 @@ def read_mcap(path: Path) -> Run:
 
     content = LogContent(path)
     read_content(content, take)
-    if content.run is None and not any(channel.topic == SAMPLE_TOPIC for channel in content.channels.values()):
+    if "run" not in content.metadata and not any(
+        channel.topic == SAMPLE_TOPIC for channel in content.channels.values()
+    ):
         topics = sorted(channel.topic for channel in content.channels.values())
         raise DataError(
             str(path),
@@ -151,10 +155,7 @@ def _keep(content: LogContent, record: Schema | Channel | Metadata | Attachment)
         case Channel():
             content.channels[record.id] = record
         case Metadata():
-            if record.name == "run" and content.run is None:
-                content.run = dict(record.metadata)
-            elif record.name == "outcome":
-                content.outcome = dict(record.metadata)
+            content.metadata.setdefault(record.name, dict(record.metadata))
         case Attachment():
             content.attachments[record.name] = record.data
 
@@ -176,11 +177,11 @@ def _columns(content: LogContent, channel: Channel) -> Columns:
 
 def _run(content: LogContent, samples: Columns | None, others: list[tuple[Channel, int, bytes]]) -> Run:
     log_times, fields = samples.finish() if samples else (np.empty(0, dtype=np.int64), {})
-    metadata = dict(content.run or {})
+    metadata = dict(content.metadata.get("run", {}))
     first = int(log_times[0]) if len(log_times) else _epoch(metadata)
     # the clock epoch of the run's own time, which begins at its first sample
     metadata["epoch_ns"] = str(first)
-    metadata.update({f"outcome.{key}": value for key, value in (content.outcome or {}).items()})
+    metadata.update({f"outcome.{key}": value for key, value in content.metadata.get("outcome", {}).items()})
     signals: dict[str, Floats] = {}
     auxiliary: dict[str, Floats] = {}
     for name, column in fields.items():
@@ -204,7 +205,7 @@ def _run(content: LogContent, samples: Columns | None, others: list[tuple[Channe
         events=_events(others, first),
         dut_text=_text(content.attachments, "dut.toml"),
         bench_text=_text(content.attachments, "bench.toml"),
-        complete=not content.damages and content.outcome is not None,
+        complete=not content.damages and "outcome" in content.metadata,
         warnings=_warnings(content, samples.unreadable if samples else 0),
     )
 
@@ -219,8 +220,14 @@ def _warnings(content: LogContent, unreadable: int) -> list[str]:
         known = [value for value in seconds if value is not None]
         missing = f"; about {sum(known):.3g} s are missing" if len(known) == len(seconds) and sum(known) > 0 else ""
         notes.append(f"incomplete log: {what}{times}{missing}")
-    if not content.damages and content.outcome is None:
+    if not content.damages and "outcome" not in content.metadata:
         notes.append("incomplete log: no outcome was recorded")
+    recovered = content.metadata.get("recovered", {})
+    if recovered:
+        notes.append(f"recovered from {recovered.get('source', 'a damaged log')[:80]}: {recovered.get('damage', '')}")
+    imported = content.metadata.get("run", {}).get(IMPORT_WARNINGS, "")
+    if imported:
+        notes.append(f"at import: {imported}")
     if unreadable:
         notes.append(f"{unreadable} samples could not be decoded and were left out")
     return notes

@@ -6,7 +6,6 @@ the same layout and can be read as one array. Encoding: protobuf language guide,
 numbers" and "Proto3 optional".
 """
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -126,17 +125,6 @@ def message_class(schema: bytes, type_name: str) -> type[Message]:
     for file in FileDescriptorSet.FromString(schema).file:
         pool.Add(file)
     return message_factory.GetMessageClass(pool.FindMessageTypeByName(type_name))
-
-
-def plain_name(text: str, taken: Iterable[str] = ()) -> str:
-    """Give `text` as a name of letters, digits and underscores that is not `taken`; "x" where nothing is left."""
-    name = re.sub(r"[^0-9A-Za-z_]+", "_", text).strip("_")[:80] or "x"
-    if name[0].isdigit():
-        name = f"x{name}"
-    used, free, count = set(taken), name, 2
-    while free in used:
-        free, count = f"{name}_{count}", count + 1
-    return free
 
 
 def _code(signal: str) -> str:

@@ -36,10 +36,10 @@ class TextTable:
     row_of: Callable[[int], int]
 
 
-def read_text_table(path: Path, *, skip_text_columns: bool = False) -> TextTable:
+def read_text_table(path: Path, strict: Callable[[str], bool] = lambda name: True) -> TextTable:
     """Read a table with a header from UTF-8 text, delimited by comma, semicolon or tab.
 
-    `skip_text_columns`: a column in which some cell is no number reads as NaN there instead of being an error.
+    `strict`: tells by a column's name whether a cell that is no number is an error; where not, it reads as NaN.
     Raises DataError, with column and row, for anything that is not a full table of finite numbers.
     """
     text = _read_text(path)
@@ -52,7 +52,7 @@ def read_text_table(path: Path, *, skip_text_columns: bool = False) -> TextTable
         raise DataError(str(path), "the file holds a header but no sample", row=2)
     values = _parse_fast(body, len(names), delimiter)
     if values is None:
-        values = _parse_strict(path, body, names, delimiter, skip_text_columns)
+        values = _parse_strict(path, body, names, delimiter, [strict(name) for name in names])
     return TextTable(names, values, _row_lookup(body))
 
 
@@ -101,7 +101,7 @@ def _parse_fast(body: str, columns: int, delimiter: str) -> NDArray[np.float64] 
 
 
 def _parse_strict(
-    path: Path, body: str, names: Sequence[str], delimiter: str, skip_text_columns: bool
+    path: Path, body: str, names: Sequence[str], delimiter: str, strict: Sequence[bool]
 ) -> NDArray[np.float64]:
     """Parse cell by cell and raise DataError at the first that is wrong."""
     rows = []
@@ -115,20 +115,18 @@ def _parse_strict(
                 raise DataError(
                     str(path), f"the line has {len(cells)} fields", row=row, expected=f"{len(names)} as in the header"
                 )
-            rows.append(
-                [_number(path, cell, name, row, skip_text_columns) for name, cell in zip(names, cells, strict=True)]
-            )
+            rows.append([_number(path, *cell, row) for cell in zip(cells, names, strict, strict=True)])
     except csv.Error as error:
         raise DataError(str(path), f"the line is no CSV: {error}", row=reader.line_num + 1) from error
     return np.array(rows, dtype=np.float64)
 
 
-def _number(path: Path, cell: str, name: str, row: int, skip_text: bool) -> float:
+def _number(path: Path, cell: str, name: str, strict: bool, row: int) -> float:
     if _NUMBER.fullmatch(cell):
         value = float(cell)
         if np.isfinite(value):
             return value
-    if skip_text or cell.strip() == MISSING:
+    if not strict or cell.strip() == MISSING:
         return np.nan
     if not cell.strip():
         what = "the cell is empty"

@@ -7,7 +7,7 @@ message, packed by `struct` in one call. File format: MCAP specification, https:
 
 import errno
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from operator import attrgetter
 from pathlib import Path
 from typing import BinaryIO, Final
@@ -18,6 +18,7 @@ from mcap.opcode import Opcode
 from drivers.errors import ConfigError, DataError, Mistake
 from drivers.types import DeviceEvent, Sample
 from rig.log.mcap_file import MESSAGE_HEAD, MESSAGE_OVERHEAD, McapFile
+from rig.log.names import plain_name
 from rig.log.run import RunEvent
 from rig.log.schema import (
     EMERGENCY_TYPE,
@@ -30,7 +31,6 @@ from rig.log.schema import (
     emergency_topic,
     event_schema,
     message_class,
-    plain_name,
     sample_fields,
     sample_schema,
 )
@@ -58,12 +58,14 @@ class LogWriter:
         epoch_ns: int,
         auxiliary: Sequence[str] = (),
         auxiliary_units: Mapping[str, str] | None = None,
+        without: Collection[str] = (),
     ) -> None:
         """Create `path` and write what is known before the first sample.
 
         `info`: text facts of the run (metadata `run`). `attachments`: file name to content. `cycle_rate`: Hz.
         `epoch_ns`: Unix time in ns at sample time zero. `auxiliary`: names that samples may carry beyond the
-        signal table, each with its unit in `auxiliary_units` (default "1").
+        signal table, each with its unit in `auxiliary_units` (default "1"). `without`: signals that are never
+        written (an imported recording has no control cycle).
         Raises ConfigError if the file exists or cannot be created.
         """
         units = auxiliary_units or {}
@@ -71,7 +73,8 @@ class LogWriter:
         self._epoch_ns = epoch_ns
         self._auxiliary: Final = {name: units.get(name, "1") for name in auxiliary}
         _refuse_bad_names(path, auxiliary)
-        self._fields: Final = sample_fields(self._auxiliary)
+        fields = sample_fields(self._auxiliary)
+        self._fields: Final = tuple(item for item in fields if item.auxiliary or item.signal not in without)
         self._samples = 0
         self._end_of_chunk = -1.0
         self._emergency_channels: dict[str, int] = {}
@@ -106,7 +109,9 @@ class LogWriter:
             self._layout = self._layout_for(self._present(sample))
             record = self._layout.pack(sample, self._samples & 0xFFFFFFFF, log_time)
             if record is None:
-                raise DataError(str(self._path), f"sample at {sample.time!r} s holds a value that is no number")
+                raise DataError(
+                    str(self._path), f"sample at {sample.time!r} s holds a value that does not fit its field"
+                )
         if sample.time >= self._end_of_chunk or self._file.open_bytes > MAX_CHUNK_BYTES:
             self.flush()
             self._end_of_chunk = sample.time + CHUNK_TIME
