@@ -5,7 +5,6 @@ Time moves when it is told to, in ticks that are counted as integers: a million 
 
 import heapq
 import math
-import threading
 from collections.abc import Callable, Sequence
 
 from sim_backend.buses.lockstep import LockstepBus
@@ -21,7 +20,10 @@ _SNAP = 1e-6
 
 
 class World:
-    """A bench that is not there. `bus` is a python-can bus; the devices are powered and pre-operational at time 0."""
+    """A bench that is not there, at simulated `time` (s, to be read only), with a python-can `bus`.
+
+    The devices are found powered and pre-operational at time 0, their boot-up messages waiting on the bus.
+    """
 
     def __init__(self, plant: PlantPort, nodes: Sequence[Node], tick: float = TICK) -> None:
         if not (math.isfinite(tick) and tick > 0):
@@ -29,20 +31,14 @@ class World:
         self._nodes = {node.node_id: node for node in nodes}
         if len(self._nodes) != len(nodes):
             raise ModelError(f"node ids {[node.node_id for node in nodes]} of the simulated devices must differ")
-        self.lock = threading.RLock()
         self.plant = plant
         self.tick = tick
-        self._time = 0.0
+        self.time = 0.0
         self._ticks = 0
         self._scheduled: list[tuple[float, int, Callable[[], None]]] = []
         self._schedule_count = 0
         self.bus = LockstepBus(self, nodes)
         self._tick_nodes()
-
-    @property
-    def time(self) -> float:
-        """Simulated time, s."""
-        return self._time
 
     def node(self, node_id: int) -> Node:
         """Give a device by its node id. Raises ModelError if there is none."""
@@ -55,29 +51,28 @@ class World:
         """Run plant and devices up to `time` (s); return at once if that has passed."""
         if not math.isfinite(time):
             raise ModelError(f"the simulated world cannot advance to time {time} s")
-        with self.lock:
-            while self._time < time:
-                self.step_towards(time)
+        while self.time < time:
+            self.step_towards(time)
 
     def step_towards(self, deadline: float) -> None:
         """Advance to the next tick, or to `deadline` (s) if that comes first."""
         next_tick = (self._ticks + 1) * self.tick
         if deadline < next_tick - _SNAP * self.tick:
-            if deadline > self._time:
+            if deadline > self.time:
                 self.plant.advance_to(deadline)
-                self._time = deadline
+                self.time = deadline
             return
         self._ticks += 1
         self.plant.advance_to(next_tick)
         # a deadline that misses the tick by rounding is reached with it
-        self._time = max(next_tick, deadline) if deadline - next_tick < _SNAP * self.tick else next_tick
+        self.time = max(next_tick, deadline) if deadline - next_tick < _SNAP * self.tick else next_tick
         self._tick_nodes()
 
     def schedule(self, time: float, action: Callable[[], None]) -> None:
         """Do `action` at the first tick at or after `time` (s), before the devices act; at once if that has passed."""
         if not math.isfinite(time):
             raise ModelError(f"nothing can be scheduled for time {time} s")
-        if time <= self._time:
+        if time <= self.time:
             action()
             return
         heapq.heappush(self._scheduled, (time, self._schedule_count, action))
@@ -88,7 +83,7 @@ class World:
         self.plant.set_lock(locked)
 
     def _tick_nodes(self) -> None:
-        time = self._time
+        time = self.time
         while self._scheduled and self._scheduled[0][0] <= time + _SNAP * self.tick:
             heapq.heappop(self._scheduled)[2]()
         self.bus.release()

@@ -2,11 +2,11 @@
 
 `send` hands a frame to all devices at once; their answers wait in the receive queue, stamped with simulated time.
 `recv` gives a waiting frame, or lets the world run until there is one or the time-out has passed in simulated
-time. Nothing reads a wall clock, so a run is the same bit for bit each time.
+time. Nothing reads a wall clock, so a run is the same bit for bit each time. One thread owns the bus: a reader
+thread (can.Notifier) would let simulated time run away from whoever sends.
 """
 
 import heapq
-import threading
 from collections import deque
 from collections.abc import Sequence
 from typing import Protocol
@@ -41,11 +41,8 @@ _BITS = tuple(frame_bits(size) for size in range(9))
 class SteppedWorld(Protocol):
     """What owns simulated time."""
 
-    lock: threading.RLock
-
-    @property
-    def time(self) -> float:
-        """Simulated time, s."""
+    time: float
+    """Simulated time, s."""
 
     def step_towards(self, deadline: float) -> None:
         """Advance to the next tick, or to `deadline` (s) if that comes first."""
@@ -59,10 +56,9 @@ class LockstepBus(can.BusABC):
         self.bits = 0
         self.channel_info = "simulated bench, lock-step"
         self._world = world
-        self._lock = world.lock
         self._nodes = tuple(nodes)
         self._received: deque[can.Message] = deque()
-        self._hooks: tuple[Hook, ...] = ()
+        self._set_hooks(())
         self._delayed: list[tuple[float, int, int, Frame]] = []
         self._delay_count = 0
         super().__init__(channel="lock-step")
@@ -73,9 +69,7 @@ class LockstepBus(can.BusABC):
             raise can.CanOperationError("the simulated bus was shut down; nothing was sent")
         if msg.is_fd:
             raise can.CanOperationError(f"frame 0x{msg.arbitration_id:X}: the simulated bus has no CAN FD")
-        if msg.is_extended_id or msg.is_remote_frame or msg.is_error_frame:
-            return
-        with self._lock:
+        if not (msg.is_extended_id or msg.is_remote_frame or msg.is_error_frame):
             self.transmit(MASTER, Frame(msg.arbitration_id, bytes(msg.data)))
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
@@ -83,53 +77,43 @@ class LockstepBus(can.BusABC):
 
         Raises CanOperationError after shutdown, and without a time-out after 60 s of silence.
         """
+        if self._is_shutdown:
+            raise can.CanOperationError("the simulated bus was shut down; nothing can be received")
         deadline = None
         while True:
-            with self._lock:
-                if self._is_shutdown:
-                    raise can.CanOperationError("the simulated bus was shut down; nothing can be received")
-                while self._received:
-                    message = self._received.popleft()
-                    if self._filters is None or self._matches_filters(message):
-                        return message
-                if deadline is None:
-                    deadline = self._world.time + (SILENCE_LIMIT if timeout is None else timeout)
-                if self._world.time >= deadline:
-                    break
-                self._world.step_towards(deadline)
+            while self._received:
+                message = self._received.popleft()
+                if self._filters is None or self._matches_filters(message):
+                    return message
+            now = self._world.time
+            if deadline is None:
+                deadline = now + (SILENCE_LIMIT if timeout is None else timeout)
+            if now >= deadline:
+                break
+            self._world.step_towards(deadline)
         if timeout is None:
             raise can.CanOperationError(f"no frame within {SILENCE_LIMIT:g} s of simulated time")
         return None
 
     def transmit(self, sender: int, frame: Frame) -> None:
         """Put one frame on the bus; `sender` is a node id, or MASTER."""
-        work = deque([(sender, frame)])
-        for count in range(CASCADE_LIMIT):
-            if not work:
-                return
-            sender, frame = work.popleft()
-            if not self._hooks:
-                self._deliver(sender, frame, work)
-                continue
-            for travelling, later in self._disturb(sender, frame):
-                if later > 0:
-                    heapq.heappush(
-                        self._delayed, (self._world.time + later, self._delay_count + count, sender, travelling)
-                    )
-                    self._delay_count += 1
-                else:
-                    self._deliver(sender, travelling, work)
-        raise can.CanOperationError(f"bus overload: {CASCADE_LIMIT} frames follow from one another at one instant")
+        work: list[tuple[int, Frame]] = []
+        self._put(sender, frame, work)
+        # the list grows while it is walked: answers to answers follow in the order in which they were given
+        for origin, answer in work:
+            if len(work) > CASCADE_LIMIT:
+                raise can.CanOperationError(f"bus overload: more than {CASCADE_LIMIT} frames at one instant")
+            self._put(origin, answer, work)
 
     def release(self) -> None:
         """Deliver the delayed frames whose time has come."""
         now = self._world.time
         while self._delayed and self._delayed[0][0] <= now:
             _, _, sender, frame = heapq.heappop(self._delayed)
-            work: deque[tuple[int, Frame]] = deque()
-            self._deliver(sender, frame, work)
-            for answer_sender, answer in work:
-                self.transmit(answer_sender, answer)
+            answers: list[tuple[int, Frame]] = []
+            self._deliver(sender, frame, answers)
+            for origin, answer in answers:
+                self.transmit(origin, answer)
 
     def load(self, seconds: float) -> float:
         """Give the bus load, 0 to 1 and above, if all `bits` so far had been sent within `seconds`."""
@@ -139,11 +123,11 @@ class LockstepBus(can.BusABC):
 
     def add_hook(self, hook: Hook) -> None:
         """Let `hook` disturb the frames from now on."""
-        self._hooks = (*self._hooks, hook)
+        self._set_hooks((*self._hooks, hook))
 
     def remove_hook(self, hook: Hook) -> None:
         """Take a disturbance away again."""
-        self._hooks = tuple(other for other in self._hooks if other is not hook)
+        self._set_hooks(tuple(other for other in self._hooks if other is not hook))
 
     def shutdown(self) -> None:
         """Close the bus for its user; the devices live on."""
@@ -154,7 +138,11 @@ class LockstepBus(can.BusABC):
         """Refuse: a cyclic sender runs on wall-clock time, which this bus does not know."""
         raise can.CanInterfaceNotImplementedError("the simulated lock-step bus has no cyclic sender")
 
-    def _disturb(self, sender: int, frame: Frame) -> list[Delivery]:
+    def _set_hooks(self, hooks: tuple[Hook, ...]) -> None:
+        self._hooks = hooks
+        self._put = self._disturb if hooks else self._deliver
+
+    def _disturb(self, sender: int, frame: Frame, work: list[tuple[int, Frame]]) -> None:
         travelling = [Delivery(frame)]
         for hook in self._hooks:
             travelling = [
@@ -162,15 +150,21 @@ class LockstepBus(can.BusABC):
                 for before in travelling
                 for after in hook(sender, before.frame)
             ]
-        return travelling
+        for delivery in travelling:
+            if delivery.delay > 0:
+                self._delay_count += 1
+                due = self._world.time + delivery.delay
+                heapq.heappush(self._delayed, (due, self._delay_count, sender, delivery.frame))
+            else:
+                self._deliver(sender, delivery.frame, work)
 
-    def _deliver(self, sender: int, frame: Frame, work: deque[tuple[int, Frame]]) -> None:
+    def _deliver(self, sender: int, frame: Frame, work: list[tuple[int, Frame]]) -> None:
         can_id, data = frame
         self.bits += _BITS[len(data)]
         time = self._world.time
         if sender != MASTER and not self._is_shutdown:
-            self._received.append(can.Message(time, can_id, is_extended_id=False, data=data))
+            self._received.append(can.Message(time, can_id, False, data=data))
         for node in self._nodes:
-            if node.node_id != sender:
+            if can_id in node.accepts and node.node_id != sender:
                 for answer in node.on_frame(time, can_id, data):
                     work.append((node.node_id, answer))

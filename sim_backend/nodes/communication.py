@@ -106,7 +106,7 @@ class CanopenNode:
         self.emergency = Emergency(self.dictionary, node_id, self._send_emergency)
         self._options = options
         self._out: list[Frame] = []
-        self._handlers: dict[int, Callable[[bytes], None]] = {}
+        self.accepts: dict[int, Callable[[bytes], None]] = {}
         self._boot_due = 0.0
         self._due = 0.0
         self._sdo = SdoServer(self.dictionary)
@@ -133,12 +133,12 @@ class CanopenNode:
 
     def on_frame(self, time: float, can_id: int, data: bytes) -> Sequence[Frame]:
         """Hear one frame at `time` (s); give the frames it makes the device send."""
-        handler = self._handlers.get(can_id)
+        handler = self.accepts.get(can_id)
         if handler is None:
             return NO_FRAMES
         self.time = time
         handler(data)
-        return self._take()
+        return self._take() if self._out else NO_FRAMES
 
     def tick(self, time: float) -> Sequence[Frame]:
         """Let simulated time reach `time` (s); give the frames that are due."""
@@ -150,7 +150,7 @@ class CanopenNode:
             frame = pdo.at_tick(time + TIME_TOLERANCE)
             if frame is not None:
                 self._out.append(frame)
-        return self._take()
+        return self._take() if self._out else NO_FRAMES
 
     def reboot(self) -> None:
         """Restart as after a power failure: everything back to its default, boot-up after the boot time."""
@@ -159,8 +159,6 @@ class CanopenNode:
 
     def _take(self) -> Sequence[Frame]:
         out = self._out
-        if not out:
-            return NO_FRAMES
         self._out = []
         return out
 
@@ -300,7 +298,7 @@ class CanopenNode:
 
     def _listen(self) -> None:
         """Work out which frames matter now, and what SYNC and ticks move."""
-        self._handlers = {}
+        self.accepts = {}
         self._sync_receive = self._sync_transmit = self._event_transmit = ()
         if self.state is NmtState.INITIALISING:
             return
@@ -321,16 +319,16 @@ class CanopenNode:
         self._plan()
 
     def _add(self, can_id: int, handler: Callable[[bytes], None]) -> None:
-        earlier = self._handlers.get(can_id)
+        earlier = self.accepts.get(can_id)
         if earlier is None:
-            self._handlers[can_id] = handler
+            self.accepts[can_id] = handler
             return
 
         def both(data: bytes) -> None:
             earlier(data)
             handler(data)
 
-        self._handlers[can_id] = both
+        self.accepts[can_id] = both
 
 
 def _node_specs(node_id: int, kind: DeviceType) -> list[ObjectSpec]:

@@ -11,7 +11,7 @@ from sim_backend.nodes.communication import HEARTBEAT_LOST, CanopenNode, NodeOpt
 from sim_backend.nodes.drive402_objects import CSP, CST, CSV, I32_MAX, I32_MIN, NO_WINDOW, DriveConfig, drive_type
 from sim_backend.nodes.object_dictionary import AbortCode, AbortError
 from sim_backend.nodes.power_states import FAULT_RESET, HALT, POWERED, TARGETS, TRANSITIONS, PowerState, decode
-from sim_backend.nodes.units import clamp_i16, round_half_away, wrap_i32
+from sim_backend.nodes.units import round_half_away, to_i16, wrap_i32
 from sim_backend.ports import AxisMode, PlantPort, PlantReading
 
 FOLLOWING_ERROR = 0x8611
@@ -20,6 +20,7 @@ STOP_TIME_OUT = 0.5
 
 _VOLTAGE, _REMOTE, _REACHED, _LIMIT, _FOLLOWS, _MODE_ERROR = 0x0010, 0x0200, 0x0400, 0x0800, 0x1000, 0x2000
 _INNER_LOOPS = {CSP: AxisMode.POSITION, CSV: AxisMode.VELOCITY, CST: AxisMode.TORQUE}
+_ENABLED_WORD = 0x0F
 _RPM = math.tau / 60.0
 _SLOW_RAMP, _QUICK_RAMP = 1, 2
 _STAY = 4
@@ -60,6 +61,8 @@ class Drive402:
         self._position, self._velocity, self._torque = (
             PlantReading._fields.index(f"{config.axis}_{name}") for name in ("position", "velocity", "torque")
         )
+        self._read = plant.read
+        self._counts_per_radian = config.counts_per_radian
         self._refused = frozenset(config.refuse_modes)
         self._torque_unit = config.rated_torque / 1000.0
         self._next_mode: tuple[float, int] | None = None
@@ -68,6 +71,8 @@ class Drive402:
         self._cause_present = False
         self._limited = False
         self._blocked = 0
+        self._speed_limit = config.max_speed
+        self._travel_watched = False
         self._outside_since: float | None = None
         self._commanded: tuple[AxisMode, float] | None = None
 
@@ -101,9 +106,11 @@ class Drive402:
         objects[0x6060, 0].check = self._check_mode
         objects[0x6060, 0].changed = self._on_mode
         for target in (self._target_torque, self._torque_offset, self._target_position, self._target_velocity):
-            target.changed = self._on_target
+            target.changed = self._follow
         for limit in self._torque_limits:
             limit.changed = lambda _: self._set_torque_limit()
+        for limit in (self._max_speed, *self._travel):
+            limit.changed = lambda _: self._set_motion_limits()
 
     def start(self) -> None:
         """Power on: no torque, transitions 0 and 1, everything forgotten."""
@@ -113,6 +120,7 @@ class Drive402:
         self._cause_present = False
         self._commanded = None
         self._set_torque_limit()
+        self._set_motion_limits()
         self._enter(PowerState.SWITCH_ON_DISABLED)
 
     def tick(self, time: float) -> None:
@@ -169,6 +177,8 @@ class Drive402:
 
     def _on_control_word(self, word: int) -> None:
         previous, self._control_word = self._control_word, word
+        if word == previous == _ENABLED_WORD and self.state is PowerState.ENABLED and self._stop is None:
+            return  # every cycle of a running drive
         if self.state is PowerState.FAULT:
             if word & FAULT_RESET and not previous & FAULT_RESET and not self._cause_present:
                 self._transition(15)
@@ -233,13 +243,13 @@ class Drive402:
         ramp = self._decelerations.get(option)
         rate = max(ramp.value, 1) / self.config.velocity_scale if ramp is not None else math.inf
         self.state = meanwhile
-        self._stop = _Stop(now, self._plant.read()[self._velocity], rate, then)
+        self._stop = _Stop(now, self._read()[self._velocity], rate, then)
         self._blocked = 0
         self._command(AxisMode.VELOCITY, self._stop.target(now))
 
     def _advance_stop(self, stop: _Stop, time: float) -> None:
         target = stop.target(time)
-        still = target == 0.0 and abs(self._plant.read()[self._velocity]) <= self.config.standstill_speed
+        still = target == 0.0 and abs(self._read()[self._velocity]) <= self.config.standstill_speed
         if stop.then is not None and (still or stop.overdue(time)):
             self._enter(stop.then)
         else:
@@ -256,11 +266,7 @@ class Drive402:
     def _accepts(self, mode: int) -> bool:
         return mode == 0 or (mode in self.config.modes and mode not in self._refused)
 
-    def _on_target(self, _value: int) -> None:
-        if self.state is PowerState.ENABLED:
-            self._follow()
-
-    def _follow(self) -> None:
+    def _follow(self, _value: int = 0) -> None:
         """Hand the target of the active mode to the inner loop, bounded by speed and travel limits."""
         if self.state is not PowerState.ENABLED or self._stop is not None:
             return
@@ -268,7 +274,7 @@ class Drive402:
         if mode == CST:
             target = (self._target_torque.value + self._torque_offset.value) * self._torque_unit
         elif mode == CSV:
-            limit = self._max_speed.value * _RPM
+            limit = self._speed_limit
             target = min(max(self._target_velocity.value / self.config.velocity_scale, -limit), limit)
         elif mode == CSP:
             self._command(AxisMode.POSITION, self._position_target())
@@ -281,13 +287,12 @@ class Drive402:
         self._command(_INNER_LOOPS[mode], target)
 
     def _position_target(self) -> float:
-        low, high = self._travel
         counts = self._target_position.value
-        if low.value < high.value:
-            counts = min(max(counts, low.value), high.value)
-        actual = math.floor(self._plant.read()[self._position] * self.config.counts_per_radian)
+        if self._travel_watched:
+            counts = min(max(counts, self._travel[0].value), self._travel[1].value)
+        actual = math.floor(self._read()[self._position] * self._counts_per_radian)
         # the middle of the count, so that a shaft at rest reads the target rather than its lower neighbour
-        return (actual + wrap_i32(counts - actual) + 0.5) / self.config.counts_per_radian
+        return (actual + wrap_i32(counts - actual) + 0.5) / self._counts_per_radian
 
     def _command(self, mode: AxisMode, target: float) -> None:
         command = (mode, target)
@@ -298,6 +303,11 @@ class Drive402:
     def _set_torque_limit(self) -> None:
         limit = min(variable.value for variable in self._torque_limits) * self._torque_unit
         self._plant.set_torque_limit(self.config.axis, limit)
+
+    def _set_motion_limits(self) -> None:
+        low, high = self._travel[0].value, self._travel[1].value
+        self._speed_limit = self._max_speed.value * _RPM
+        self._travel_watched = low < high and (low > I32_MIN or high < I32_MAX)
 
     def _supervise(self, time: float) -> None:
         """Act on speed and travel limits (torque and velocity modes) and on the following error (position mode)."""
@@ -310,13 +320,13 @@ class Drive402:
             self._follow()
 
     def _blocked_direction(self) -> int:
-        speed = self._plant.read()[self._velocity]
-        if self.mode == CST and abs(speed) > self._max_speed.value * _RPM:
-            return 1 if speed > 0 else -1
-        low, high = self._travel[0].value, self._travel[1].value
-        if low < high and (low > I32_MIN or high < I32_MAX):
+        if self.mode == CST:
+            speed = self._read()[self._velocity]
+            if abs(speed) > self._speed_limit:
+                return 1 if speed > 0 else -1
+        if self._travel_watched:
             counts = self._position_counts()
-            return 1 if counts > high else -1 if counts < low else 0
+            return 1 if counts > self._travel[1].value else -1 if counts < self._travel[0].value else 0
         return 0
 
     def _watch_following_error(self, time: float) -> None:
@@ -330,7 +340,7 @@ class Drive402:
 
     def _status_word(self) -> int:
         state = self.state
-        word: int = state.value | _VOLTAGE | _REMOTE
+        word = state | _VOLTAGE | _REMOTE
         if self._limited or self._blocked:
             word |= _LIMIT
         if state is PowerState.ENABLED and self._stop is None:
@@ -338,23 +348,23 @@ class Drive402:
                 word |= _FOLLOWS
             if self._outside_since is not None:
                 word |= _MODE_ERROR
-        elif self._stop is not None and abs(self._plant.read()[self._velocity]) <= self.config.standstill_speed:
+        elif self._stop is not None and abs(self._read()[self._velocity]) <= self.config.standstill_speed:
             word |= _REACHED
         return word
 
     def _position_counts(self) -> int:
-        return wrap_i32(math.floor(self._plant.read()[self._position] * self.config.counts_per_radian))
+        return wrap_i32(math.floor(self._read()[self._position] * self._counts_per_radian))
 
     def _velocity_units(self) -> int:
-        return wrap_i32(round_half_away(self._plant.read()[self._velocity] * self.config.velocity_scale))
+        return wrap_i32(round_half_away(self._read()[self._velocity] * self.config.velocity_scale))
 
     def _torque_per_mille(self) -> int:
-        return clamp_i16(round_half_away(self._plant.read()[self._torque] / self._torque_unit))
+        return to_i16(self._read()[self._torque] / self._torque_unit)
 
     def _torque_demand(self) -> int:
         if self.state is not PowerState.ENABLED or self._stop is not None or self.mode != CST or self._blocked:
             return 0
-        return clamp_i16(self._target_torque.value + self._torque_offset.value)
+        return to_i16(self._target_torque.value + self._torque_offset.value)
 
     def _following_error(self) -> int:
         if self.mode != CSP or self.state is not PowerState.ENABLED:

@@ -44,7 +44,7 @@ class Encoder406:
     def __init__(self, config: EncoderConfig, plant: PlantPort) -> None:
         self.config = config
         self.device_type = _encoder_type(config)
-        self._plant = plant
+        self._read = plant.read
         self._scale = 0.0
         self._range = 1
         self._offset = 0
@@ -86,7 +86,7 @@ class Encoder406:
         self._range = self._total.value if scaled else self.config.measuring_range
 
     def _position(self) -> int:
-        return (math.floor(self._plant.read().output_position * self._scale) + self._offset) % self._range
+        return (math.floor(self._read().output_position * self._scale) + self._offset) % self._range
 
     def _check_parameters(self, value: int) -> None:
         if value & ~_SUPPORTED_PARAMETERS:

@@ -1,6 +1,7 @@
 """A CAN data frame with an 11-bit identifier, and what the bus asks of a device."""
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
+from functools import partial
 from typing import NamedTuple, Protocol
 
 
@@ -10,6 +11,9 @@ class Frame(NamedTuple):
     can_id: int
     data: bytes
 
+
+new_frame = partial(tuple.__new__, Frame)
+"""Make a frame of an (identifier, data) pair in half the time of `Frame(...)`; for what is sent every cycle."""
 
 NO_FRAMES: tuple[Frame, ...] = ()
 """The common answer of a device that has nothing to say; shared, so that silence costs nothing."""
@@ -21,6 +25,10 @@ class Node(Protocol):
     @property
     def node_id(self) -> int:
         """CANopen node id, 1 to 127."""
+
+    @property
+    def accepts(self) -> Container[int]:
+        """Identifiers the device listens to now; the bus may keep other frames from it."""
 
     def on_frame(self, time: float, can_id: int, data: bytes) -> Sequence[Frame]:
         """Hear one frame of another participant; give the frames it makes the device send."""

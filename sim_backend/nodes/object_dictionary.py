@@ -106,12 +106,13 @@ class ObjectSpec:
 class Variable(Generic[Value]):
     """The living value of one entry."""
 
-    __slots__ = ("_default", "changed", "check", "read", "spec", "value")
+    __slots__ = ("_bounded", "_default", "changed", "check", "read", "spec", "value")
 
     def __init__(self, spec: ObjectSpec, default: Value) -> None:
         self.spec = spec
         self.value: Value = default
         self._default: Value = default
+        self._bounded = spec.high is not None or spec.low is not None
         self.read: Callable[[], Value] | None = None
         self.check: Callable[[Value], None] | None = None
         self.changed: Callable[[Value], None] | None = None
@@ -122,8 +123,7 @@ class Variable(Generic[Value]):
 
     def put(self, value: Value) -> None:
         """Take a value from the wire and act on it. Raises AbortError and leaves everything as it was if refused."""
-        spec = self.spec
-        if spec.high is not None or spec.low is not None:
+        if self._bounded:
             self._check_range(value)
         if self.check is not None:
             self.check(value)

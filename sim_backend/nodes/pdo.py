@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sim_backend.nodes.frame import Frame
+from sim_backend.nodes.frame import Frame, new_frame
 from sim_backend.nodes.object_dictionary import (
     AbortCode,
     AbortError,
@@ -178,12 +178,18 @@ class ReceivePdo(Pdo):
     ) -> None:
         super().__init__(dictionary, 0x1400 + number, refused=Access.RO, while_valid=while_valid, on_change=on_change)
         self.pending: bytes | None = None
+        self._setters: tuple[Callable[[Any], None], ...] = ()
+
+    def compile(self) -> None:
+        """Prepare identifier and layout from the entries."""
+        super().compile()
+        self._setters = tuple(variable.put for variable in self._variables)
 
     def apply(self, data: bytes) -> None:
         """Write the mapped objects; a value that an object refuses leaves that object as it was."""
-        for variable, value in zip(self._variables, self._layout.unpack_from(data), strict=True):
+        for put, value in zip(self._setters, self._layout.unpack_from(data), strict=True):
             try:
-                variable.put(value)
+                put(value)
             except AbortError:
                 continue
 
@@ -199,10 +205,16 @@ class TransmitPdo(Pdo):
         self._event_time = dictionary[0x1800 + number, 5]
         self._inhibit.check = self._check_inhibit
         self._event_time.changed = lambda _: on_change()
+        self._data: Callable[[], bytes] = bytes
         self._syncs = 0
         self._sent = b""
         self._earliest = 0.0
         self._timer_due = 0.0
+
+    def compile(self) -> None:
+        """Prepare identifier and layout from the entries."""
+        super().compile()
+        self._data = _sampler(self._layout.pack, [variable.read or variable.get for variable in self._variables])
 
     def start(self, now: float) -> None:
         """Begin anew, as on entering OPERATIONAL: the first event is the present value."""
@@ -213,6 +225,8 @@ class TransmitPdo(Pdo):
 
     def at_sync(self) -> Frame | None:
         """Count a SYNC; give the frame if it is this one's turn."""
+        if self.transmission == 1:
+            return new_frame((self.can_id, self._data()))
         if self.transmission == 0:
             return self._if_changed()
         self._syncs += 1
@@ -243,9 +257,17 @@ class TransmitPdo(Pdo):
         self._sent = data
         return Frame(self.can_id, data)
 
-    def _data(self) -> bytes:
-        return self._layout.pack(*[variable.get() for variable in self._variables])
-
     def _check_inhibit(self, _value: int) -> None:
         if self.valid:
             raise AbortError(self._while_valid)
+
+
+def _sampler(pack: Callable[..., bytes], getters: Sequence[Callable[[], Any]]) -> Callable[[], bytes]:
+    """Give a function that reads and packs the mapped values; the usual sizes do without a list per SYNC."""
+    if len(getters) == 1:
+        (only,) = getters
+        return lambda: pack(only())
+    if len(getters) == 3:
+        first, second, third = getters
+        return lambda: pack(first(), second(), third())
+    return lambda: pack(*[get() for get in getters])

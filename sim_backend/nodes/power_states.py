@@ -1,10 +1,10 @@
 """The CiA 402 power state machine as a table: states, commands and the numbered transitions between them."""
 
 from collections.abc import Mapping
-from enum import Enum, StrEnum
+from enum import IntEnum, StrEnum
 
 
-class PowerState(Enum):
+class PowerState(IntEnum):
     """States; the value is the state's part of the statusword 0x6041 (with bit 5 where the mask contains it)."""
 
     NOT_READY = 0x00

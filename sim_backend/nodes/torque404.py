@@ -6,6 +6,7 @@ An autozero (0x6125, signature "zero") moves the offset 0x9124 so that the proce
 tare range a public manual only says "time out": this device aborts with 0x05040000 or stays silent, by switch.
 """
 
+import math
 import struct
 from dataclasses import dataclass
 
@@ -21,7 +22,7 @@ from sim_backend.nodes.object_dictionary import (
     array,
 )
 from sim_backend.nodes.pdo import PdoDefault
-from sim_backend.nodes.units import clamp_i16, clamp_i32, round_half_away
+from sim_backend.nodes.units import to_i16, to_i32
 from sim_backend.ports import PlantPort
 
 ZERO = 0x6F72657A
@@ -60,24 +61,27 @@ class Torque404:
     def __init__(self, config: TorqueConfig, plant: PlantPort) -> None:
         self.config = config
         self.device_type = _torque_type(config)
-        self._plant = plant
+        self._read = plant.read
         self._offset = 0.0
+        self._scale = 1.0
 
     def attach(self, node: CanopenNode) -> None:
         """Bind the objects to their behaviour."""
         objects = node.dictionary
         self._digits = objects[0x6132, 1]
         objects[0x9130, 1].read = self._integer
-        objects[0x7130, 1].read = lambda: clamp_i16(self._integer())
+        objects[0x7130, 1].read = lambda: to_i16(self._integer())
         objects[0x6130, 1].read = self._float32
         objects[0x6150, 1].read = self._status
-        objects[0x9124, 1].read = lambda: clamp_i32(round_half_away(self._offset * 10**self._digits.value))
+        objects[0x9124, 1].read = lambda: to_i32(self._offset * self._scale)
+        self._digits.changed = lambda _: self._configure()
         objects[0x6125, 1].check = self._check_zero
         objects[0x6125, 1].changed = self._zero
 
     def start(self) -> None:
         """Power on: the tare is forgotten."""
         self._offset = 0.0
+        self._configure()
 
     def tick(self, time: float) -> None:
         """Do nothing: the amplifier has no state that moves by itself."""
@@ -85,18 +89,22 @@ class Torque404:
     def connection_lost(self) -> None:
         """Do nothing: a transducer moves nothing."""
 
+    def _configure(self) -> None:
+        self._scale = 10.0**self._digits.value
+
     def _clipped(self) -> float:
+        torque = self._read().output_torque
         limit = self.config.full_scale
-        return min(max(self._plant.read().output_torque, -limit), limit)
+        return torque if -limit <= torque <= limit else math.copysign(limit, torque)
 
     def _integer(self) -> int:
-        return clamp_i32(round_half_away((self._clipped() + self._offset) * 10**self._digits.value))
+        return to_i32((self._clipped() + self._offset) * self._scale)
 
     def _float32(self) -> float:
         return float(struct.unpack("<f", struct.pack("<f", self._clipped() + self._offset))[0])
 
     def _status(self) -> int:
-        torque = self._plant.read().output_torque
+        torque = self._read().output_torque
         if torque >= self.config.full_scale:
             return _OVER_RANGE
         return _UNDER_RANGE if torque <= -self.config.full_scale else 0
@@ -104,7 +112,7 @@ class Torque404:
     def _check_zero(self, value: int) -> None:
         if value != ZERO:
             raise AbortError(AbortCode.CANNOT_STORE)
-        if abs(self._plant.read().output_torque) > self.config.tare_range:
+        if abs(self._read().output_torque) > self.config.tare_range:
             if self.config.refuse_tare_by_silence:
                 raise NoAnswerError("tare outside its range")
             raise AbortError(AbortCode.TIME_OUT)

@@ -1,11 +1,7 @@
 """How a device turns numbers into integers of its own width."""
 
 _I16_MIN, _I16_MAX = -(2**15), 2**15 - 1
-
-
-def round_half_away(value: float) -> int:
-    """Round to the nearest integer, a half away from zero."""
-    return int(value + 0.5) if value >= 0 else int(value - 0.5)
+_I32_MIN, _I32_MAX = -(2**31), 2**31 - 1
 
 
 def wrap_i32(value: int) -> int:
@@ -13,11 +9,18 @@ def wrap_i32(value: int) -> int:
     return (value + 0x80000000 & 0xFFFFFFFF) - 0x80000000
 
 
-def clamp_i16(value: int) -> int:
-    """Saturate at the ends of a signed 16-bit integer."""
-    return min(max(value, _I16_MIN), _I16_MAX)
+def round_half_away(value: float) -> int:
+    """Round to the nearest integer, a half away from zero."""
+    return int(value + 0.5) if value >= 0 else int(value - 0.5)
 
 
-def clamp_i32(value: int) -> int:
-    """Saturate at the ends of a signed 32-bit integer."""
-    return min(max(value, -0x80000000), 0x7FFFFFFF)
+def to_i16(value: float) -> int:
+    """Round a half away from zero and saturate as a signed 16-bit integer."""
+    rounded = int(value + 0.5) if value >= 0 else int(value - 0.5)
+    return rounded if _I16_MIN <= rounded <= _I16_MAX else _I16_MAX if rounded > 0 else _I16_MIN
+
+
+def to_i32(value: float) -> int:
+    """Round a half away from zero and saturate as a signed 32-bit integer."""
+    rounded = int(value + 0.5) if value >= 0 else int(value - 0.5)
+    return rounded if _I32_MIN <= rounded <= _I32_MAX else _I32_MAX if rounded > 0 else _I32_MIN
