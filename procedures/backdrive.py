@@ -19,13 +19,13 @@ from procedures.loop_run import Driven, evaluate_loop, loop_recordings
 from procedures.motions import RELEASE_TIME, RELEASED, dwell, load_torque, observed, release, triangle, triangle_time
 from procedures.plan import BenchFacts, PlannedRun, Procedure, parameter
 from procedures.ramp_to_motion import (
-    RUN_AWAY_TIME,
     BreakawayRamp,
+    both_directions,
     breakaway_measurements,
     evaluate_ramp,
-    ramp_to_motion,
+    expected_time,
 )
-from procedures.recording import Recording, measured
+from procedures.recording import measured
 from procedures.results import mean, mean_over_runs
 from procedures.set_up import check_set_up, set_up_run
 from procedures.waveforms import TURN, nested_triangles, start_angles
@@ -165,7 +165,6 @@ def _plan_free(p: Backdrive, facts: BenchFacts, allowed: float, check: Checks) -
 
 
 def _free_runs(p: Backdrive, ramp: BreakawayRamp, facts: BenchFacts) -> Iterator[PlannedRun]:
-    expected = min(facts.backdriving_torque, ramp.torque_max) / ramp.rate + RUN_AWAY_TIME + p.settle
     for index, angle in enumerate(start_angles(p.start_angles), start=1):
         for repeat in range(1, p.repeats + 1):
             name = f"free-angle-{index}-repeat-{repeat}"
@@ -173,7 +172,7 @@ def _free_runs(p: Backdrive, ramp: BreakawayRamp, facts: BenchFacts) -> Iterator
             yield PlannedRun(
                 name=name,
                 steps=partial(_free_steps, p, ramp, facts),
-                duration=p.dwell + 2.0 * expected + RELEASE_TIME,
+                duration=expected_time(ramp, p.dwell, p.settle, facts.backdriving_torque),
                 replicate=f"backdrive-free-angle-{index}" if p.repeats > 1 else None,
                 start_angle=angle,
             )
@@ -181,22 +180,12 @@ def _free_runs(p: Backdrive, ramp: BreakawayRamp, facts: BenchFacts) -> Iterator
 
 def _free_steps(p: Backdrive, ramp: BreakawayRamp, facts: BenchFacts) -> Steps:
     shape = load_torque()
-    recordings: list[tuple[str, float, Recording]] = []
-    yield Mark("dwell", p.dwell)
-    rest = yield from dwell(p.dwell, shape(0.0), facts.cycle_time)
-    for direction, sign in (("forward", 1.0), ("backward", -1.0)):
-        recording = Recording("time", ramp.signal, "motor_position")
-        yield Mark(f"ramp {direction}", facts.backdriving_torque / ramp.rate)
-        yield from ramp_to_motion(ramp, sign, shape, rest, facts.cycle_time, recording)
-        yield Mark("settle", p.settle)
-        rest = yield from dwell(p.settle, shape(0.0), facts.cycle_time)
-        recordings.append((direction, sign, recording))
-    yield from release(facts.cycle_time)
+    ramps = yield from both_directions(ramp, p.dwell, p.settle, facts.backdriving_torque, shape, facts.cycle_time)
     found: list[Measurement] = []
-    for direction, sign, recording in recordings:
+    for done in ramps:
         # Pushed at the output, an opposed drive turns its wave generator backward.
-        breakaway = evaluate_ramp(recording, TURN / facts.motor_counts, sign, -1.0 if facts.opposed else 1.0)
-        found += breakaway_measurements(breakaway, direction, "load torque")
+        breakaway = evaluate_ramp(done, TURN / facts.motor_counts, -1.0 if facts.opposed else 1.0)
+        found += breakaway_measurements(breakaway, done.name, "load torque")
     return Result(tuple(found))
 
 

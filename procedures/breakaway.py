@@ -40,6 +40,10 @@ STEP_ERROR = 2.0
 """Factor on the torque's scatter: each step of a coarse torque command also sets the wound-up rotor swinging, by
 up to a step more, and a swing may break away early."""
 
+CANDIDATES, REFINED, REFINEMENTS, BISECTIONS = 50, 13, 3, 12
+"""Search for the kink: crossings tried first, then instants between the best one's neighbours, several times over;
+halvings of the run in the search for the kink's standard error."""
+
 FEWEST_CROSSINGS = 8
 """Fewer say nothing about two branches: move further, or use a finer encoder."""
 
@@ -56,15 +60,15 @@ class Breakaway:
     time: float
 
 
-def find_breakaway(time: Floats, torque: Floats, position: Floats, resolution: float) -> Breakaway:
+def find_breakaway(time: Floats, torque: Floats, position: Floats, rest: Floats, resolution: float) -> Breakaway:
     """Give first pulse and breakaway of one torque ramp that began at rest.
 
     time s, torque N*m as measured and position rad as read, all of shape (n,), n >= 2, from the first cycle of the
-    ramp to the stop of the run-away; `resolution` is the encoder's, rad. Raises DataError if the path has too few
-    counts to see two branches.
+    ramp to the stop of the run-away; `rest` rad, shape (m,), are the positions read at rest just before;
+    `resolution` is the encoder's, rad. Raises DataError if the path has too few counts to see two branches.
     """
-    x = position - position[0]
-    x = x * np.sign(x[-1])
+    sign = np.sign(position[-1] - position[0])
+    x = sign * (position - position[0])
     line, scatter = _ramp(time, torque)
     step = max(resolution, float(x[-1]) / MOST_CROSSINGS)
     crossing_time, level = _crossings(time, x, step)
@@ -78,7 +82,8 @@ def find_breakaway(time: Floats, torque: Floats, position: Floats, resolution: f
     kink, kink_error = _kink(crossing_time, level, np.abs(line[0] * crossing_time + line[1]), step)
     rate = abs(line[0])
     cycle = float(np.median(np.diff(time)))
-    first = float(time[int(np.argmax(x >= 0.5 * resolution))])
+    # An encoder that chatters between two counts at rest has given no pulse yet.
+    first = float(time[int(np.argmax(sign * position > np.max(sign * rest) + 0.5 * resolution))])
     return Breakaway(
         first_pulse=abs(line[0] * first + line[1]),
         first_pulse_uncertainty=float(np.hypot(scatter, rate * cycle)),
@@ -117,17 +122,15 @@ def _crossings(time: Floats, x: Floats, step: float) -> tuple[Floats, Floats]:
 def _kink(time: Floats, level: Floats, torque: Floats, step: float) -> tuple[float, float]:
     """Give the instant of the kink and its standard error, s."""
     weight = 1.0 / np.hypot(CROSSING_ERROR * step, PATH_ERROR * level)
-    low, high = float(time[0]), float(time[-1])
-    span = high - low
-    best = low
-    for points in (200, 41, 41, 41):
-        grid = np.linspace(max(low, best - span), min(high, best + span), points)
-        misfit = np.array([_misfit(t, time, level, torque, weight, step) for t in grid])
-        best = float(grid[int(np.argmin(misfit))])
-        span = 4.0 * float(grid[1] - grid[0])
-    least = float(misfit.min())
+    chosen = np.unique(np.linspace(0, time.size - 1, CANDIDATES).astype(int))
+    grid = time[chosen]
+    for _ in range(REFINEMENTS + 1):
+        misfit = np.array([_misfit(float(t), time, level, torque, weight, step) for t in grid])
+        k = int(np.argmin(misfit))
+        best, least = float(grid[k]), float(misfit[k])
+        grid = np.linspace(grid[max(0, k - 1)], grid[min(grid.size - 1, k + 1)], REFINED)
     allowed = least + max(1.0, least / max(1, level.size - 6))
-    return best, _half_width(best, high - low, allowed, time, level, torque, weight, step)
+    return best, _half_width(best, float(time[-1] - time[0]), allowed, time, level, torque, weight, step)
 
 
 def _half_width(
@@ -144,7 +147,7 @@ def _half_width(
     widths = []
     for side in (-1.0, 1.0):
         near, far = 0.0, reach
-        for _ in range(20):
+        for _ in range(BISECTIONS):
             middle = 0.5 * (near + far)
             inside = _misfit(best + side * middle, time, level, torque, weight, step) <= allowed
             near, far = (middle, far) if inside else (near, middle)

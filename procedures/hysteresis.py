@@ -17,8 +17,8 @@ from drivers.errors import DataError
 
 Floats = NDArray[np.float64]
 
-NEAR_ZERO = 0.15
-"""Share of the peak torque within which a branch is a parabola."""
+NEAR_ZERO = 0.05
+"""Share of the peak torque within which a branch is a parabola; the wave generator stiffens e-fold within 8 %."""
 
 FEWEST_SAMPLES = 12
 """Four samples per coefficient of the parabola."""

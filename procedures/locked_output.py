@@ -60,7 +60,7 @@ class LockedOutput:
     start_angles: int = parameter(8, "1", 1, 64, "wave-generator angles at which to start, spread over a turn")
     replicate_pairs: int = parameter(2, "1", 0, 64, "start angles that are measured twice in succession")
     lock: str = parameter("fixture", "1", 0, 0, "what holds the output: fixture or load-drive")
-    travel_max: float = parameter(0.5, "rad", 0.01, 6.0, "motor travel beyond which the lock must have slipped")
+    travel_max: float = parameter(0.5, "rad", 0.01, 6.0, "motor travel beyond which the output is not held")
     tare: bool = parameter(False, "1", 0, 1, "zero the unloaded torque sensor first")
 
 
@@ -147,7 +147,7 @@ def _steps(p: LockedOutput, sweep: Sweep, facts: BenchFacts) -> Steps:
     rest = yield from dwell(p.dwell, shape(0.0), facts.cycle_time)
     legs = loop_recordings()
     sweeps = triangle(sweep.points, sweep.rate, p.hold, shape, facts.cycle_time, legs)
-    yield from observed(sweeps, travel_guard(rest, p.travel_max, "the lock is open or slips"))
+    yield from observed(sweeps, travel_guard(rest, p.travel_max, "the output is not held"))
     yield from release(facts.cycle_time)
     driven = Driven(1.0, "friction_torque", 1.0, "half width of the loop in motor torque at zero output torque")
     return evaluate_loop(legs, driven, facts)

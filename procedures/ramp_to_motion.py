@@ -1,14 +1,15 @@
 """A torque ramp from rest that ends as soon as the motor has broken away."""
 
 from collections import deque
+from collections.abc import Generator
 from dataclasses import dataclass
 
 from drivers.errors import ConfigError, Mistake
 from drivers.types import Sample
 from procedures.breakaway import Breakaway, find_breakaway
 from procedures.errors import NoMotionError
-from procedures.intents import Measurement
-from procedures.motions import Motion, Shaper
+from procedures.intents import Intent, Mark, Measurement
+from procedures.motions import RELEASE_TIME, Motion, Shaper, dwell, observed, release
 from procedures.recording import Recording, measured
 from procedures.waveforms import cycles, line
 
@@ -32,6 +33,20 @@ class BreakawayRamp:
     rate: float
     motion: float
     speed_max: float
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedRamp:
+    """One ramp as it went: direction (+1 or -1), the positions at rest before it, (time, torque, motor_position)."""
+
+    direction: float
+    rest: Recording
+    motion: Recording
+
+    @property
+    def name(self) -> str:
+        """The direction in words."""
+        return "forward" if self.direction > 0.0 else "backward"
 
 
 def ramp_to_motion(
@@ -64,6 +79,37 @@ def ramp_to_motion(
     )
 
 
+def both_directions(
+    ramp: BreakawayRamp, dwell_time: float, settle: float, expected: float, shape: Shaper, cycle_time: float
+) -> Generator[Intent, Sample, tuple[RecordedRamp, ...]]:
+    """Dwell, ramp forward until the motor runs away, take the torque away, settle, and the same backward.
+
+    `expected` (N*m) is the torque at which that is likely; only the phases' expected lengths depend on it.
+    """
+    done = []
+    wait = dwell_time
+    for direction in (1.0, -1.0):
+        recorded = RecordedRamp(
+            direction, Recording("motor_position"), Recording("time", ramp.signal, "motor_position")
+        )
+        yield Mark("dwell", wait)
+        rest = yield from observed(dwell(wait, shape(0.0), cycle_time), recorded.rest.add)
+        yield Mark(f"ramp {recorded.name}", expected / ramp.rate + RUN_AWAY_TIME)
+        yield from ramp_to_motion(ramp, direction, shape, rest, cycle_time, recorded.motion)
+        done.append(recorded)
+        wait = settle
+    yield Mark("settle", settle)
+    yield from dwell(settle, shape(0.0), cycle_time)
+    yield from release(cycle_time)
+    return tuple(done)
+
+
+def expected_time(ramp: BreakawayRamp, dwell_time: float, settle: float, expected: float) -> float:
+    """Give how long `both_directions` takes if the motor breaks away at `expected` (N*m), s."""
+    one_way = min(expected, ramp.torque_max) / ramp.rate + RUN_AWAY_TIME + settle
+    return dwell_time + 2.0 * one_way + RELEASE_TIME
+
+
 def breakaway_measurements(found: Breakaway, direction: str, what: str) -> tuple[Measurement, ...]:
     """Name the two torques of one direction ("forward" or "backward"); `what` says which torque on what."""
     return (
@@ -84,24 +130,25 @@ def breakaway_measurements(found: Breakaway, direction: str, what: str) -> tuple
     )
 
 
-def evaluate_ramp(recording: Recording, resolution: float, direction: float, motor_sense: float) -> Breakaway:
-    """Evaluate a recording of (time, torque, motor_position); `resolution` rad per count.
+def evaluate_ramp(ramp: RecordedRamp, resolution: float, motor_sense: float) -> Breakaway:
+    """Evaluate one ramp; `resolution` rad per count.
 
     `motor_sense` is +1 if a positive torque must turn the motor forward, -1 if backward. Raises ConfigError if the
     motor went the other way: then a channel's sign is wrong, and no result of this bench would be right.
     """
-    time, torque, position = recording.columns()
+    time, torque, position = ramp.motion.columns()
+    (rest,) = ramp.rest.columns()
     travel = float(position[-1] - position[0])
-    if travel * direction * motor_sense < 0.0:
+    if travel * ramp.direction * motor_sense < 0.0:
         raise ConfigError(
             "signs of the bench file",
             [
                 Mistake(
                     "motor_position.sign",
                     f"{travel:.4g} rad",
-                    f"the motor turned against what a torque of sign {direction:+.0f} must do",
+                    f"the motor turned against what a torque of sign {ramp.direction:+.0f} must do",
                 )
             ],
             hint="Turn the sign of the torque or of the position channel in the bench file.",
         )
-    return find_breakaway(time, torque, position, resolution)
+    return find_breakaway(time, torque, position, rest[rest.size // 2 :], resolution)

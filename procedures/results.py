@@ -11,7 +11,8 @@ from procedures.intents import Measurement, Result
 def mean_over_runs(results: Sequence[Result]) -> Result:
     """Give, for every measurement's name, the mean over all runs that have it, in the order of first appearance.
 
-    The uncertainty is the larger of the standard error of the mean and the runs' own uncertainties averaged down.
+    The uncertainty joins the standard error of the mean and the runs' own uncertainties. The latter are not averaged
+    down: what a run cannot resolve (steps of a torque command, say) may be off alike in every run.
     """
     groups: dict[str, list[Measurement]] = {}
     for result in results:
@@ -24,14 +25,14 @@ def mean(group: Sequence[Measurement], name: str | None = None, meaning: str | N
     """Join measurements of one quantity; `name` and `meaning` replace those of the first."""
     values = np.array([m.value for m in group])
     count = len(group)
-    scatter = float(np.std(values, ddof=1)) / math.sqrt(count) if count > 1 else None
     own = [m.uncertainty for m in group if m.uncertainty is not None]
-    averaged = math.sqrt(sum(u * u for u in own)) / count if len(own) == count else None
-    known = [u for u in (scatter, averaged) if u is not None]
+    known = [float(np.mean(own))] if own else []
+    if count > 1:
+        known.append(float(np.std(values, ddof=1)) / math.sqrt(count))
     return Measurement(
         name=group[0].name if name is None else name,
         value=float(np.mean(values)),
         unit=group[0].unit,
-        uncertainty=max(known) if known else None,
+        uncertainty=math.hypot(*known) if known else None,
         meaning=group[0].meaning if meaning is None else meaning,
     )

@@ -10,17 +10,16 @@ from dataclasses import dataclass
 from functools import partial
 
 from procedures.checks import Checks
-from procedures.intents import Mark, Measurement, Result, Steps
-from procedures.motions import RELEASE_TIME, dwell, motor_torque, release
+from procedures.intents import Measurement, Result, Steps
+from procedures.motions import motor_torque
 from procedures.plan import BenchFacts, PlannedRun, Procedure, parameter
 from procedures.ramp_to_motion import (
-    RUN_AWAY_TIME,
     BreakawayRamp,
+    both_directions,
     breakaway_measurements,
     evaluate_ramp,
-    ramp_to_motion,
+    expected_time,
 )
-from procedures.recording import Recording
 from procedures.results import mean, mean_over_runs
 from procedures.set_up import check_set_up, set_up_run
 from procedures.waveforms import TURN, start_angles
@@ -81,7 +80,6 @@ def summarise(results: tuple[Result, ...]) -> Result:
 
 
 def _runs(p: StartingTorque, ramp: BreakawayRamp, facts: BenchFacts) -> Iterator[PlannedRun]:
-    expected = min(facts.starting_torque, ramp.torque_max) / ramp.rate + RUN_AWAY_TIME + p.settle
     for index, angle in enumerate(start_angles(p.start_angles), start=1):
         for repeat in range(1, p.repeats + 1):
             name = f"angle-{index}-repeat-{repeat}"
@@ -90,7 +88,7 @@ def _runs(p: StartingTorque, ramp: BreakawayRamp, facts: BenchFacts) -> Iterator
             yield PlannedRun(
                 name=name,
                 steps=partial(_steps, p, ramp, facts),
-                duration=p.dwell + 2.0 * expected + RELEASE_TIME,
+                duration=expected_time(ramp, p.dwell, p.settle, facts.starting_torque),
                 replicate=f"starting-torque-angle-{index}" if p.repeats > 1 else None,
                 start_angle=angle,
             )
@@ -98,21 +96,11 @@ def _runs(p: StartingTorque, ramp: BreakawayRamp, facts: BenchFacts) -> Iterator
 
 def _steps(p: StartingTorque, ramp: BreakawayRamp, facts: BenchFacts) -> Steps:
     shape = motor_torque()
-    recordings: list[tuple[str, float, Recording]] = []
-    yield Mark("dwell", p.dwell)
-    rest = yield from dwell(p.dwell, shape(0.0), facts.cycle_time)
-    for direction, sign in (("forward", 1.0), ("backward", -1.0)):
-        recording = Recording("time", ramp.signal, "motor_position")
-        yield Mark(f"ramp {direction}", facts.starting_torque / ramp.rate)
-        yield from ramp_to_motion(ramp, sign, shape, rest, facts.cycle_time, recording)
-        yield Mark("settle", p.settle)
-        rest = yield from dwell(p.settle, shape(0.0), facts.cycle_time)
-        recordings.append((direction, sign, recording))
-    yield from release(facts.cycle_time)
+    ramps = yield from both_directions(ramp, p.dwell, p.settle, facts.starting_torque, shape, facts.cycle_time)
     found: list[Measurement] = []
-    for direction, sign, recording in recordings:
-        breakaway = evaluate_ramp(recording, TURN / facts.motor_counts, sign, 1.0)
-        found += breakaway_measurements(breakaway, direction, "motor torque")
+    for done in ramps:
+        breakaway = evaluate_ramp(done, TURN / facts.motor_counts, 1.0)
+        found += breakaway_measurements(breakaway, done.name, "motor torque")
     return Result(tuple(found))
 
 
