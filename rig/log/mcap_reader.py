@@ -205,7 +205,7 @@ def _run(content: LogContent, samples: Columns | None, others: list[tuple[Channe
         events=_events(others, first),
         dut_text=_text(content.attachments, "dut.toml"),
         bench_text=_text(content.attachments, "bench.toml"),
-        complete=not content.damages and "outcome" in content.metadata,
+        complete=not content.damages and content.metadata.get("recovered", {}).get("complete", "true") == "true",
         warnings=_warnings(content, samples.unreadable if samples else 0),
     )
 
@@ -220,8 +220,6 @@ def _warnings(content: LogContent, unreadable: int) -> list[str]:
         known = [value for value in seconds if value is not None]
         missing = f"; about {sum(known):.3g} s are missing" if len(known) == len(seconds) and sum(known) > 0 else ""
         notes.append(f"incomplete log: {what}{times}{missing}")
-    if not content.damages and "outcome" not in content.metadata:
-        notes.append("incomplete log: no outcome was recorded")
     recovered = content.metadata.get("recovered", {})
     if recovered:
         notes.append(f"recovered from {recovered.get('source', 'a damaged log')[:80]}: {recovered.get('damage', '')}")

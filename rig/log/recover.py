@@ -103,7 +103,8 @@ def _write(
     file.close_chunk()
     if content.damages and "recovered" not in content.metadata:
         damage = "; ".join(dict.fromkeys(item.what for item in content.damages))
-        file.add_metadata("recovered", {"source": content.path.name, "damage": damage})
+        complete = "true" if all(item.seconds == 0.0 for item in content.damages) else "false"
+        file.add_metadata("recovered", {"source": content.path.name, "damage": damage, "complete": complete})
     if "outcome" in content.metadata:
         file.add_metadata("outcome", content.metadata["outcome"])
     file.finish()

@@ -1,0 +1,55 @@
+"""Which files a command line's RUN arguments stand for."""
+
+from pathlib import Path
+
+import pytest
+
+from drivers.errors import DataError
+from rig.log.load import load_runs
+from tests.rig.log.samples import write_log
+
+CSV = "time[s],motor_torque[N*m]\n0,1\n1,2\n"
+
+
+def test_a_folder_stands_for_its_runs_in_order_of_their_names(tmp_path: Path) -> None:
+    write_log(tmp_path / "b.mcap", 20)
+    (tmp_path / "a.csv").write_text(CSV)
+    (tmp_path / "notes.txt").write_text("no run")
+    (tmp_path / "deeper").mkdir()
+    write_log(tmp_path / "deeper" / "c.mcap", 20)
+    assert [run.name for run in load_runs([tmp_path])] == ["a", "b"]
+
+
+def test_a_file_named_twice_is_read_once(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(CSV)
+    assert len(load_runs([tmp_path, tmp_path / "a.csv", tmp_path / "." / "a.csv"])) == 1
+
+
+def test_two_runs_of_one_name_are_refused(tmp_path: Path) -> None:
+    write_log(tmp_path / "a.mcap", 20)
+    (tmp_path / "a.csv").write_text(CSV)
+    with pytest.raises(DataError, match="two runs are called 'a'"):
+        load_runs([tmp_path])
+
+
+def test_a_csv_in_a_folder_that_is_no_contract_log_is_named(tmp_path: Path) -> None:
+    write_log(tmp_path / "a.mcap", 20)
+    (tmp_path / "foreign.csv").write_text("t,tau\n0,1\n")
+    with pytest.raises(DataError, match=r"foreign\.csv.*rig import"):
+        load_runs([tmp_path])
+
+
+@pytest.mark.parametrize("name", ["absent", "absent.mcap", "absent.csv"])
+def test_a_path_that_does_not_exist_is_named(tmp_path: Path, name: str) -> None:
+    with pytest.raises(DataError, match=f"{name}: there is no such file"):
+        load_runs([tmp_path / name])
+
+
+def test_an_empty_folder_an_empty_list_and_another_kind_of_file_are_errors(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="holds no run"):
+        load_runs([tmp_path])
+    with pytest.raises(DataError, match="no run was given"):
+        load_runs([])
+    (tmp_path / "a.h5").write_bytes(b"x")
+    with pytest.raises(DataError, match="rig import"):
+        load_runs([tmp_path / "a.h5"])

@@ -1,0 +1,61 @@
+"""The summary of a log."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rig.log.mcap_reader import read_mcap
+from rig.log.show import describe
+from rig.log.timeline import make_run
+from tests.rig.log.samples import write_log
+
+
+def test_the_summary_counts_samples_late_cycles_and_cycles_that_never_came(tmp_path: Path) -> None:
+    run = make_run(
+        tmp_path / "a.csv",
+        np.array([0.0, 0.001, 0.002, 0.005]),
+        {
+            "cycle": np.array([0.0, 1.0, 2.0, 5.0]),
+            "late": np.array([0.0, 1.0, 0.0, 1.0]),
+            "motor_torque": np.array([3.0, -4.0, np.nan, 0.0]),
+        },
+        {},
+        {},
+        {},
+    )
+    summary = describe(run)
+    assert (summary.samples, summary.late, summary.missing) == (4, 2, 2)
+    assert summary.duration == 0.005
+    assert summary.rate == pytest.approx(1000.0)
+    torque = next(item for item in summary.signals if item.name == "motor_torque")
+    assert (torque.unit, torque.minimum, torque.maximum, torque.missing) == ("N*m", -4.0, 3.0, 1)
+    assert torque.rms == pytest.approx(math.sqrt(25 / 3))
+
+
+def test_the_plain_form_goes_through_json(tmp_path: Path) -> None:
+    write_log(tmp_path / "a.mcap", 50)
+    summary = describe(read_mcap(tmp_path / "a.mcap"))
+    plain = json.loads(json.dumps(summary.as_dict()))
+    assert plain["name"] == "a"
+    assert plain["procedure"] == "locked-output"
+    assert plain["samples"] == 50
+    assert plain["missing"] == 0
+    assert plain["events"][1] == {"time": pytest.approx(0.02), "kind": "phase", "text": "sweep"}
+    assert {item["name"] for item in plain["signals"] if item["auxiliary"]} == {"strain"}
+    assert plain["metadata"]["operator"] == "Ada"
+
+
+def test_a_log_without_samples_and_without_cycles_has_a_summary(tmp_path: Path) -> None:
+    empty = make_run(tmp_path / "a.csv", np.empty(0), {"motor_torque": np.empty(0)}, {}, {}, {})
+    summary = describe(empty)
+    assert (summary.samples, summary.duration, summary.rate, summary.late, summary.missing) == (
+        0,
+        0.0,
+        None,
+        None,
+        None,
+    )
+    assert summary.signals[0].rms is None
