@@ -134,6 +134,9 @@ class LockstepBus(can.BusABC):
         self._received.clear()
         super().shutdown()
 
+    def __del__(self) -> None:
+        """Warn of nothing: unlike python-can's own buses this one holds no thread, socket or adapter."""
+
     def send_periodic(self, *_args: object, **_kwargs: object) -> can.CyclicSendTaskABC:
         """Refuse: a cyclic sender runs on wall-clock time, which this bus does not know."""
         raise can.CanInterfaceNotImplementedError("the simulated lock-step bus has no cyclic sender")

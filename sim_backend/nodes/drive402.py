@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from sim_backend.nodes.communication import HEARTBEAT_LOST, CanopenNode, NodeOptions
 from sim_backend.nodes.drive402_objects import CSP, CST, CSV, I32_MAX, I32_MIN, NO_WINDOW, DriveConfig, drive_type
 from sim_backend.nodes.object_dictionary import AbortCode, AbortError
-from sim_backend.nodes.power_states import FAULT_RESET, HALT, POWERED, TARGETS, TRANSITIONS, PowerState, decode
+from sim_backend.nodes.power_states import FAULT_RESET, HALT, POWERED, TARGETS, TRANSITIONS, Command, PowerState, decode
 from sim_backend.nodes.units import round_half_away, to_i16, wrap_i32
 from sim_backend.ports import AxisMode, PlantPort, PlantReading
 
@@ -188,8 +188,8 @@ class Drive402:
             return
         for number in TRANSITIONS.get((self.state, command), ()):
             self._transition(number)
-        if self.state is PowerState.ENABLED and (word ^ previous) & HALT:
-            self._on_halt()
+        if self.state is PowerState.ENABLED and command is Command.ENABLE_OPERATION:
+            self._run_or_halt()
 
     def _transition(self, number: int) -> None:
         target = TARGETS[number]
@@ -219,10 +219,13 @@ class Drive402:
         else:
             self._begin_stop(option - _STAY, None, PowerState.QUICK_STOP)
 
-    def _on_halt(self) -> None:
+    def _run_or_halt(self) -> None:
+        """Obey bit 8; either way a ramp that was to end in another state is taken back."""
+        stop = self._stop
         if self._control_word & HALT:
-            self._begin_stop(self._options[0x605D].value, None, PowerState.ENABLED)
-        else:
+            if stop is None or stop.then is not None:
+                self._begin_stop(self._options[0x605D].value, None, PowerState.ENABLED)
+        elif stop is not None:
             self._enter(PowerState.ENABLED)
 
     def _enter(self, state: PowerState) -> None:

@@ -48,6 +48,7 @@ class SdoServer:
         handler = self._handlers.get(request[0] >> 5)
         try:
             if handler is None:
+                self._begin(request)
                 raise AbortError(AbortCode.COMMAND)
             return handler(request)
         except AbortError as error:
@@ -63,13 +64,19 @@ class SdoServer:
         command, self._index, self._sub, data = _HEADER.unpack(request)
         return command, data
 
+    def _initiated(self, command: int, data: bytes) -> bytes:
+        response = _HEADER.pack(command, self._index, self._sub, data)
+        if self._outgoing is None and self._incoming is None:
+            self.reset()
+        return response
+
     def _upload(self, request: bytes) -> bytes:
         self._begin(request)
         value = self._dictionary.upload(self._index, self._sub)
         if 1 <= len(value) <= 4:
-            return _HEADER.pack(0x43 | (4 - len(value)) << 2, self._index, self._sub, value)
+            return self._initiated(0x43 | (4 - len(value)) << 2, value)
         self._outgoing = value
-        return _HEADER.pack(0x41, self._index, self._sub, struct.pack("<I", len(value)))
+        return self._initiated(0x41, struct.pack("<I", len(value)))
 
     def _upload_segment(self, request: bytes) -> bytes:
         if self._outgoing is None:
@@ -98,7 +105,7 @@ class SdoServer:
             # 0x22 gives no size: the object's own length counts, as a public CiA 404 manual requires for autozero
             size = 4 - (command >> 2 & 3) if sized else min(variable.spec.type.size or 4, 4)
             self._dictionary.download(self._index, self._sub, data[:size])
-        return _HEADER.pack(0x60, self._index, self._sub, bytes(4))
+        return self._initiated(0x60, bytes(4))
 
     def _download_segment(self, request: bytes) -> bytes:
         if self._incoming is None:
