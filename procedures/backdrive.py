@@ -24,6 +24,7 @@ from procedures.ramp_to_motion import (
     breakaway_measurements,
     evaluate_ramp,
     expected_time,
+    least_motion,
 )
 from procedures.recording import measured
 from procedures.results import mean, mean_over_runs
@@ -81,7 +82,13 @@ class Backdrive:
     torque_max: float | None = parameter(
         None, "N*m", 1e-3, 1e5, "free: load torque at which to give up; from the bench: 3 backdriving torques"
     )
-    motion: float = parameter(0.1, "rad", 0.01, 3.0, "free: motor travel that counts as breakaway and ends the ramp")
+    motion: float | None = parameter(
+        None,
+        "rad",
+        0.01,
+        3.0,
+        "free: motor travel that ends the ramp; from the bench: 0.1 rad, at least 16 encoder counts",
+    )
     speed_max: float = parameter(10.0, "rad/s", 0.1, 100.0, "free: motor speed that ends the ramp as well")
     settle: float = parameter(1.0, "s", 0.1, 60.0, "free: wait without load torque after each ramp")
     tare: bool = parameter(False, "1", 0, 1, "zero the unloaded torque sensor first")
@@ -155,12 +162,12 @@ def _plan_free(p: Backdrive, facts: BenchFacts, allowed: float, check: Checks) -
         signal="output_torque" if facts.has_torque_sensor else "load_torque",
         torque_max=min(MARGIN * expected, allowed) if p.torque_max is None else p.torque_max,
         rate=expected / RAMP_TIME if p.torque_rate is None else p.torque_rate,
-        motion=p.motion,
+        motion=least_motion(p.motion, facts.motor_counts),
         speed_max=p.speed_max,
     )
     check.at_most("torque_max", ramp.torque_max, allowed, "N*m", "the bench limit load_torque or output_torque")
     check.at_most("speed_max", p.speed_max, facts.limits.motor_velocity, "rad/s", "the bench limit motor_velocity")
-    check.at_most("motion", 2.0 * p.motion, facts.limits.motor_travel, "rad", "half the bench limit motor_travel")
+    check.at_most("motion", 2.0 * ramp.motion, facts.limits.motor_travel, "rad", "half the bench limit motor_travel")
     return _free_runs(p, ramp, facts)
 
 

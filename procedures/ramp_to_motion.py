@@ -11,13 +11,20 @@ from procedures.errors import NoMotionError
 from procedures.intents import Intent, Mark, Measurement
 from procedures.motions import RELEASE_TIME, Motion, Shaper, dwell, observed, release
 from procedures.recording import Recording, measured
-from procedures.waveforms import cycles, line
+from procedures.waveforms import TURN, cycles, line
 
 SPEED_SPAN = 0.01
 """Time over which a speed is taken from the angle, s: one count per cycle is no speed."""
 
 RUN_AWAY_TIME = 0.2
 """Typical time from breakaway to the stop, s; only the expected duration depends on it."""
+
+
+DEFAULT_MOTION = 0.1
+"""Motor travel that is a run-away, rad: ten times what the wave generator's spring can wind up."""
+
+COUNTS_OF_MOTION = 16.0
+"""The same in encoder counts, for coarse encoders: enough to see the path bend."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +40,11 @@ class BreakawayRamp:
     rate: float
     motion: float
     speed_max: float
+
+
+def least_motion(motion: float | None, motor_counts: int) -> float:
+    """Give the motor travel that ends a ramp, rad: `motion`, or a default that spans enough encoder counts."""
+    return max(DEFAULT_MOTION, COUNTS_OF_MOTION * TURN / motor_counts) if motion is None else motion
 
 
 @dataclass(frozen=True, slots=True)

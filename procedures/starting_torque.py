@@ -19,6 +19,7 @@ from procedures.ramp_to_motion import (
     breakaway_measurements,
     evaluate_ramp,
     expected_time,
+    least_motion,
 )
 from procedures.results import mean, mean_over_runs
 from procedures.set_up import check_set_up, set_up_run
@@ -42,7 +43,9 @@ class StartingTorque:
     torque_max: float | None = parameter(
         None, "N*m", 1e-6, 1e3, "motor torque at which to give up; from the bench: 4 catalogue starting torques"
     )
-    motion: float = parameter(0.1, "rad", 0.01, 3.0, "motor travel that counts as breakaway and ends the ramp")
+    motion: float | None = parameter(
+        None, "rad", 0.01, 3.0, "motor travel that ends the ramp; from the bench: 0.1 rad, at least 16 encoder counts"
+    )
     speed_max: float = parameter(10.0, "rad/s", 0.1, 100.0, "motor speed that ends the ramp as well")
     settle: float = parameter(1.0, "s", 0.1, 60.0, "wait at zero torque after each ramp")
     start_angles: int = parameter(3, "1", 1, 64, "wave-generator angles at which to start, spread over a turn")
@@ -59,13 +62,13 @@ def plan(parameters: StartingTorque, facts: BenchFacts) -> tuple[PlannedRun, ...
         if p.torque_max is None
         else p.torque_max,
         rate=facts.starting_torque / RAMP_TIME if p.torque_rate is None else p.torque_rate,
-        motion=p.motion,
+        motion=least_motion(p.motion, facts.motor_counts),
         speed_max=p.speed_max,
     )
     check = Checks("starting-torque")
     check.at_most("torque_max", ramp.torque_max, facts.limits.motor_torque, "N*m", "the bench limit motor_torque")
     check.at_most("speed_max", p.speed_max, facts.limits.motor_velocity, "rad/s", "the bench limit motor_velocity")
-    check.at_most("motion", 2.0 * p.motion, facts.limits.motor_travel, "rad", "half the bench limit motor_travel")
+    check.at_most("motion", 2.0 * ramp.motion, facts.limits.motor_travel, "rad", "half the bench limit motor_travel")
     check_set_up(check, facts, tare=p.tare)
     check.raise_if_any()
     return tuple(_runs(p, ramp, facts))

@@ -143,12 +143,18 @@ class PlantBench:
     """The simulated plant with encoders that count and drives that take torques in steps."""
 
     def __init__(
-        self, facts: BenchFacts = FACTS, config: PlantConfig | None = None, torque_step: float = 0.0, seed: int = 0
+        self,
+        facts: BenchFacts = FACTS,
+        config: PlantConfig | None = None,
+        torque_step: float = 0.0,
+        encoder_sign: float = 1.0,
+        seed: int = 0,
     ) -> None:
         self._plant = Plant(config or zhang_plant(), seed=seed)
         self._plant.set_torque_limit("motor", facts.limits.motor_torque)
         self._facts = facts
         self._step = torque_step
+        self._encoder_sign = encoder_sign
         self._cycle = 0
 
     def set_lock(self, locked: bool) -> None:
@@ -166,7 +172,7 @@ class PlantBench:
         return Sample(
             time=self._cycle * CYCLE,
             cycle=self._cycle,
-            motor_position=_counted(r.motor_position, self._facts.motor_counts),
+            motor_position=self._encoder_sign * _counted(r.motor_position, self._facts.motor_counts),
             motor_velocity=r.motor_velocity,
             motor_torque=self._coarse(r.motor_torque),
             output_position=_counted(r.output_position, self._facts.output_counts),
