@@ -11,7 +11,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 
 from drivers.errors import DataError
-from drivers.signals import AUXILIARY_PREFIX, BY_FIELD
+from drivers.signals import AUXILIARY_PREFIX, BY_FIELD, BY_NAME
 from rig.log.mcap_records import (
     RECORD_HEAD,
     Damage,
@@ -21,6 +21,7 @@ from rig.log.mcap_records import (
     parse_record,
     read_pieces,
 )
+from rig.log.names import plain_name
 from rig.log.run import Floats, Run, RunEvent
 from rig.log.schema import (
     EMERGENCY_TYPE,
@@ -132,6 +133,8 @@ def _read_chunk(content: LogContent, data: bytes, take: Callable[[Channel, bytes
 
 def _equal_heads(data: bytes, position: int, stride: int) -> int:
     """Count the records from `position` on that have the same opcode, length and channel as the first."""
+    if data[position : position + 11] != data[position + stride : position + stride + 11]:
+        return 1
     count = min((len(data) - position) // stride, _RUN_LENGTH)
     rows = np.frombuffer(data, dtype=np.uint8, count=count * stride, offset=position).reshape(count, stride)
     same = (rows[:, :11] == rows[0, :11]).all(axis=1)
@@ -182,25 +185,27 @@ def _run(content: LogContent, samples: Columns | None, others: list[tuple[Channe
     # the clock epoch of the run's own time, which begins at its first sample
     metadata["epoch_ns"] = str(first)
     metadata.update({f"outcome.{key}": value for key, value in content.metadata.get("outcome", {}).items()})
-    signals: dict[str, Floats] = {}
-    auxiliary: dict[str, Floats] = {}
-    for name, column in fields.items():
-        if name in BY_FIELD:
-            signals[BY_FIELD[name].name] = column
-        else:
-            auxiliary[name.removeprefix(AUXILIARY_PREFIX)] = column
-    units = {
-        key.removeprefix("unit.").removeprefix(AUXILIARY_PREFIX): unit
+    stated = {
+        key.removeprefix("unit."): unit
         for channel in content.channels.values()
         if channel.topic == SAMPLE_TOPIC
         for key, unit in channel.metadata.items()
     }
+    signals: dict[str, Floats] = {}
+    auxiliary: dict[str, Floats] = {}
+    units: dict[str, str] = {}
+    for name, column in fields.items():
+        if name in BY_FIELD:
+            signals[BY_FIELD[name].name] = column
+        else:
+            plain = plain_name(name.removeprefix(AUXILIARY_PREFIX), {*BY_NAME, *auxiliary})
+            auxiliary[plain], units[plain] = column, stated.get(name, "1")
     return make_run(
         content.path,
         (log_times - first) / 1e9,
         signals,
         auxiliary,
-        {name: units.get(name, "1") for name in auxiliary},
+        units,
         metadata,
         events=_events(others, first),
         dut_text=_text(content.attachments, "dut.toml"),

@@ -80,6 +80,7 @@ def read_pieces(file: mmap.mmap, path: Path) -> Iterator[Piece]:
     Raises DataError where a chunk asks for more memory than MAX_CHUNK_BYTES, all together for MAX_TOTAL_BYTES.
     """
     position, total, ended = len(MAGIC), 0, False
+    zstd = zstandard.ZstdDecompressor()
     while position + RECORD_HEAD.size <= len(file):
         opcode, length = RECORD_HEAD.unpack_from(file, position)
         start = position + RECORD_HEAD.size
@@ -92,7 +93,7 @@ def read_pieces(file: mmap.mmap, path: Path) -> Iterator[Piece]:
         if opcode == Opcode.MESSAGE:
             yield RawMessage(file[start - RECORD_HEAD.size : position])
         elif opcode == Opcode.CHUNK:
-            piece = _chunk(file[start:position], path)
+            piece = _chunk(file[start:position], path, zstd)
             if isinstance(piece, RawChunk):
                 total += len(piece.data)
                 if total > MAX_TOTAL_BYTES:
@@ -131,7 +132,7 @@ def parse_record(opcode: int, content: bytes) -> Schema | Channel | Metadata | A
     return record
 
 
-def _chunk(content: bytes, path: Path) -> RawChunk | Damage:
+def _chunk(content: bytes, path: Path, zstd: zstandard.ZstdDecompressor) -> RawChunk | Damage:
     try:
         chunk = Chunk.read(ReadDataStream(BytesIO(content)))
     except BROKEN as error:
@@ -144,7 +145,7 @@ def _chunk(content: bytes, path: Path) -> RawChunk | Damage:
         )
     seconds = max(0, chunk.message_end_time - chunk.message_start_time) / 1e9
     try:
-        data = _decompress(chunk)
+        data = _decompress(chunk, zstd)
     except (zstandard.ZstdError, RuntimeError, ValueError) as error:
         return Damage(f"a chunk cannot be decompressed ({error})", seconds)
     if len(data) != chunk.uncompressed_size:
@@ -154,14 +155,14 @@ def _chunk(content: bytes, path: Path) -> RawChunk | Damage:
     return RawChunk(data)
 
 
-def _decompress(chunk: Chunk) -> bytes:
+def _decompress(chunk: Chunk, zstd: zstandard.ZstdDecompressor) -> bytes:
     """Give the chunk's content, never more than one byte above the size it states."""
     limit = chunk.uncompressed_size + 1
     if chunk.compression == "zstd":
         stated = zstandard.get_frame_parameters(chunk.data).content_size
         if stated <= limit:
-            return zstandard.ZstdDecompressor().decompress(chunk.data)
-        with zstandard.ZstdDecompressor().stream_reader(chunk.data) as reader:
+            return zstd.decompress(chunk.data)
+        with zstd.stream_reader(chunk.data) as reader:
             return reader.read(limit)
     if chunk.compression == "lz4":
         return bytes(lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=limit))

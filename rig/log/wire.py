@@ -50,6 +50,24 @@ class _Layout:
     names: tuple[str, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class _Pending:
+    """Records of one size that wait to be decoded: pieces of them, the place of each piece's first, their number."""
+
+    records: list[bytes]
+    starts: list[int]
+    counts: list[int]
+
+
+@dataclass(frozen=True, slots=True)
+class _Block:
+    """Decoded records: their places in the log, their log times (ns) and columns, all of shape (n,)."""
+
+    places: NDArray[np.intp]
+    times: NDArray[np.int64]
+    columns: dict[str, Floats]
+
+
 class Columns:
     """Collects message records of one channel and gives its fields as columns."""
 
@@ -64,57 +82,67 @@ class Columns:
         ]
         self._fields = {item.number: item for item in numeric}
         self._names = frozenset(item.name for item in numeric)
-        self._pending: list[bytes] = []
-        self._pending_stride = 0
+        self._pending: dict[int, _Pending] = {}
         self._pending_bytes = 0
-        self._times: list[NDArray[np.int64]] = []
-        self._blocks: list[dict[str, Floats]] = []
+        self._count = 0
+        self._blocks: list[_Block] = []
         self.unreadable = 0
         """Messages that could not be decoded."""
 
     def add(self, records: bytes, stride: int) -> None:
         """Append message records of `stride` bytes each."""
-        if stride != self._pending_stride or self._pending_bytes > BATCH_BYTES:
-            self._decode_pending()
-            self._pending_stride = stride
-        self._pending.append(records)
+        # signals that come in some cycles only give records of several sizes in turn: one table for each size
+        pending = self._pending.get(stride)
+        if pending is None:
+            pending = self._pending[stride] = _Pending([], [], [])
+        count = len(records) // stride
+        pending.records.append(records)
+        pending.starts.append(self._count)
+        pending.counts.append(count)
+        self._count += count
         self._pending_bytes += len(records)
+        if self._pending_bytes > BATCH_BYTES:
+            self._decode_pending()
 
     def finish(self) -> tuple[NDArray[np.int64], dict[str, Floats]]:
         """Give log times (ns, shape (n,)) and each field that occurred, shape (n,), NaN where it was absent."""
         self._decode_pending()
-        if not self._times:
-            return np.empty(0, dtype=np.int64), {}
+        times = np.zeros(self._count, dtype=np.int64)
+        decoded = np.zeros(self._count, dtype=np.bool_)
+        for block in self._blocks:
+            times[block.places] = block.times
+            decoded[block.places] = True
         order = [item.name for item in sorted(self._fields.values(), key=lambda item: item.number)]
-        occurred = [name for name in order if any(name in block for block in self._blocks)]
         columns: dict[str, Floats] = {}
-        for name in occurred:
-            columns[name] = np.concatenate(
-                [
-                    block[name] if name in block else np.full(len(times), np.nan)
-                    for block, times in zip(self._blocks, self._times, strict=True)
-                ]
-            )
-            for block in self._blocks:
-                block.pop(name, None)
-        return np.concatenate(self._times), columns
+        for name in order:
+            blocks = [block for block in self._blocks if name in block.columns]
+            if blocks:
+                column = np.full(self._count, np.nan)
+                for block in blocks:
+                    column[block.places] = block.columns.pop(name)
+                columns[name] = column if self.unreadable == 0 else column[decoded]
+        return times[decoded], columns
 
     def _decode_pending(self) -> None:
-        if not self._pending:
-            return
-        data = self._pending[0] if len(self._pending) == 1 else b"".join(self._pending)
-        stride = self._pending_stride
-        self._pending, self._pending_bytes = [], 0
+        for stride, pending in self._pending.items():
+            data = b"".join(pending.records)
+            counts = np.array(pending.counts)
+            before = np.cumsum(counts) - counts
+            places = np.repeat(np.array(pending.starts) - before, counts) + np.arange(len(data) // stride)
+            self._decode(data, stride, places)
+        self._pending, self._pending_bytes = {}, 0
+
+    def _decode(self, data: bytes, stride: int, places: NDArray[np.intp]) -> None:
         layout = self._layout(data[:stride])
         if layout is not None:
             rows = np.frombuffer(data, dtype=np.uint8).reshape(-1, stride)
             tags = rows[:, layout.tags]
             if bool(np.all(tags == tags[0])):
                 table = np.frombuffer(data, dtype=layout.record)
-                self._times.append(table["log_time"].astype(np.int64))
-                self._blocks.append({name: table[name].astype(np.float64) for name in layout.names})
+                columns = {name: table[name].astype(np.float64) for name in layout.names}
+                self._blocks.append(_Block(places, table["log_time"].astype(np.int64), columns))
                 return
-        self._decode_one_by_one(data, stride)
+        self._decode_one_by_one(data, stride, places)
 
     def _layout(self, record: bytes) -> _Layout | None:
         """Give the layout of a record, None if it has a field of variable size, an unknown one, or one twice."""
@@ -140,25 +168,24 @@ class Columns:
         kind = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": len(record)})
         return _Layout(kind, np.array(tags), tuple(names[1:]))
 
-    def _decode_one_by_one(self, data: bytes, stride: int) -> None:
+    def _decode_one_by_one(self, data: bytes, stride: int, places: NDArray[np.intp]) -> None:
+        kept: list[int] = []
         times: list[int] = []
         rows: list[dict[str, float]] = []
-        for start in range(0, len(data), stride):
+        for index, start in enumerate(range(0, len(data), stride)):
             try:
                 message = self._message.FromString(data[start + MESSAGE_HEAD : start + stride])
             except DecodeError:
                 self.unreadable += 1
                 continue
+            kept.append(index)
             times.append(int.from_bytes(data[start + 15 : start + 23], "little"))
             rows.append({item.name: float(value) for item, value in message.ListFields() if item.name in self._names})
-        if not rows:
-            return
-        block = {name: np.full(len(rows), np.nan) for name in {name for row in rows for name in row}}
+        columns = {name: np.full(len(rows), np.nan) for name in {name for row in rows for name in row}}
         for index, row in enumerate(rows):
             for name, value in row.items():
-                block[name][index] = value
-        self._times.append(np.array(times, dtype=np.uint64).astype(np.int64))
-        self._blocks.append(block)
+                columns[name][index] = value
+        self._blocks.append(_Block(places[kept], np.array(times, dtype=np.uint64).astype(np.int64), columns))
 
 
 def _varint(data: bytes, position: int) -> tuple[int, int]:

@@ -16,6 +16,7 @@ from google.protobuf.message import Message
 from mcap.opcode import Opcode
 
 from drivers.errors import ConfigError, DataError, Mistake
+from drivers.signals import BY_NAME
 from drivers.types import DeviceEvent, Sample
 from rig.log.mcap_file import MESSAGE_HEAD, MESSAGE_OVERHEAD, McapFile
 from rig.log.names import plain_name
@@ -255,9 +256,9 @@ def _tag(item: LogField) -> bytes:
 
 def _refuse_bad_names(path: Path, auxiliary: Sequence[str]) -> None:
     mistakes = [
-        Mistake(f"auxiliary[{index}]", name, "letters, digits and underscores, each name once")
+        Mistake(f"auxiliary[{index}]", name, "letters, digits and underscores, no contract signal, each name once")
         for index, name in enumerate(auxiliary)
-        if name != plain_name(name) or name in auxiliary[:index]
+        if name != plain_name(name, BY_NAME) or name in auxiliary[:index]
     ]
     if mistakes:
         raise ConfigError(str(path), mistakes)
