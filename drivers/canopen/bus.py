@@ -110,7 +110,8 @@ class CanopenBus:
         Raises DriveFaultError if a drive left operation enabled by itself, and, while any drive is armed, if a
         device reported an emergency or restarted; also if process data has a wrong length. Raises
         NotConnectedError if the heartbeat of a device or the transport is lost. Each is raised once, with whatever
-        else was found as notes; a drive concerned takes no more setpoints until it is enabled again.
+        else was found as notes; a drive concerned takes no more setpoints until it is enabled again, unless it is
+        still in operation, so that it can be ramped down.
         """
         link, now = self._link, self._clock.now()
         link.drain()
@@ -186,10 +187,10 @@ class CanopenBus:
         for device in self._devices.values():
             node = device.node
             found = [*node.failures, *(node.incidents if armed else ())]
+            if found and isinstance(device, Cia402Drive):
+                device.stand_down(blind=bool(node.failures))
             node.failures.clear()
             node.incidents.clear()
-            if found and isinstance(device, Cia402Drive):
-                device.disarm()
             errors.extend(found)
         raise_together(errors)
 
@@ -238,9 +239,12 @@ def _device_mistakes(config: DeviceConfig, path: str, options: CommonOptions) ->
 def _shared_mistakes(configs: Sequence[DeviceConfig], options: dict[str, CommonOptions]) -> list[Mistake]:
     mistakes = []
     first = configs[0]
+    if len({config.name for config in configs}) < len(configs):
+        names = sorted(config.name for config in configs)
+        mistakes.append(Mistake("devices", ", ".join(names), "two devices have the same name"))
     for config in configs[1:]:
         path = f"devices.{config.name}"
-        if config.name == first.name or config.address in {c.address for c in configs if c is not config}:
+        if config.address in {other.address for other in configs if other is not config}:
             mistakes.append(Mistake(f"{path}.address", config.address, "shared with another device of this bus"))
         for key in ("interface", "channel", "cycle_time"):
             if getattr(config, key) != getattr(first, key):
@@ -266,6 +270,15 @@ def _open_adapter(config: DeviceConfig, options: CommonOptions) -> can.BusABC:
             ignore_config=True,
             **extra,
         )
+    except NotImplementedError as error:
+        if isinstance(error, can.CanError):
+            raise _not_opened(config, options, error) from error
+        rule = "python-can has no such interface, and the bench provides no bus of that name"
+        raise ConfigError("bench", [Mistake(f"devices.{config.name}.interface", config.interface, rule)]) from error
     except (can.CanError, OSError, ImportError, ValueError, TypeError) as error:
-        tried = f"opening {config.interface} '{config.channel}' at {options.bitrate} bit/s: {error}"
-        raise NotConnectedError({config.name: tried}, hint="Check the adapter's name, driver and rights.") from error
+        raise _not_opened(config, options, error) from error
+
+
+def _not_opened(config: DeviceConfig, options: CommonOptions, error: Exception) -> NotConnectedError:
+    tried = f"opening {config.interface} '{config.channel}' at {options.bitrate} bit/s: {error}"
+    return NotConnectedError({config.name: tried}, hint="Check the adapter's name, driver and rights.")

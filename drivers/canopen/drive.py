@@ -78,7 +78,7 @@ class Cia402Drive:
         self._profile = profile
         self._clock = clock
         self._heartbeat = heartbeat
-        self._power = PowerStage(node, options, link, clock)
+        self._power = PowerStage(node, options, link, clock, heartbeat.watchdog_time)
         self._open = False
         self._no_watchdog = ""
         self._mode: Mode | None = None
@@ -172,12 +172,12 @@ class Cia402Drive:
                 state=self._state_name(),
                 hint="Enable the drive first.",
             )
-        raw = round(value / self._units.scale(mode))
-        if mode is Mode.POSITION:
-            raw = ((raw + _HALF) & _MASK) - _HALF
         try:
+            raw = round(value / self._units.scale(mode))
+            if mode is Mode.POSITION:
+                raw = ((raw + _HALF) & _MASK) - _HALF
             data = _LAYOUTS[mode].pack(cia402.ENABLE_OPERATION, raw)
-        except struct.error as error:
+        except (struct.error, ValueError, OverflowError) as error:
             raise self._too_large(mode, value) from error
         can_id = SETPOINTS[mode].can_id(self.node.node_id)
         self.queued = can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
@@ -288,6 +288,15 @@ class Cia402Drive:
         self.armed = False
         self.queued = None
         self._mode = None
+
+    def stand_down(self, *, blind: bool) -> None:
+        """After an error: accept no more setpoints, unless the drive is still in operation and can be ramped down.
+
+        `blind`: what it reports is no longer known.
+        """
+        in_operation = self._status & cia402.STATE_MASK == cia402.ENABLED_BITS and self.node.operational
+        if blind or not in_operation:
+            self.disarm()
 
     def _require_ready(self) -> None:
         """Raise DriveFaultError unless the drive is connected and running and its watchdog is fed."""

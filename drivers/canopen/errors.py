@@ -24,5 +24,6 @@ def raise_together(errors: Sequence[RigError]) -> None:
     """Raise the first error with the others as notes; do nothing if there is none."""
     if errors:
         for other in errors[1:]:
-            errors[0].add_note(str(other))
+            for text in (str(other), *getattr(other, "__notes__", ())):
+                errors[0].add_note(text)
         raise errors[0]

@@ -12,6 +12,9 @@ import can
 from drivers.clock import Clock
 from drivers.errors import NotConnectedError
 
+MOST_WAITING = 100_000
+"""Frames; a bus at 1 Mbit/s takes over 5 s for as many, so whoever finds more does not keep up with it."""
+
 Handler = Callable[[bytearray], bool]
 """Takes the data of one frame; True if it was a process-data frame of this cycle that was still awaited."""
 
@@ -52,9 +55,13 @@ class Link:
         return True
 
     def drain(self) -> None:
-        """Route everything that has already arrived. Raises NotConnectedError."""
-        while (message := self._receive(0.0)) is not None:
+        """Route everything that has already arrived. Raises NotConnectedError, also if that never ends."""
+        for _ in range(MOST_WAITING):
+            message = self._receive(0.0)
+            if message is None:
+                return
             self._dispatch(message)
+        raise self._lost("receiving", OverflowError(f"more than {MOST_WAITING} frames were waiting"))
 
     def wait(self, duration: float) -> None:
         """Route what arrives during `duration` (s). Raises NotConnectedError."""

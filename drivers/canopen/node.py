@@ -38,8 +38,8 @@ from drivers.types import DeviceEvent
 NMT_START = 0x01
 NMT_PRE_OPERATIONAL = 0x80
 
-STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x04, 0x05, 0x7F
-_NMT_NAMES = {0x00: "boot-up", STOPPED: "stopped", OPERATIONAL: "operational", PRE_OPERATIONAL: "pre-operational"}
+BOOT_UP, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
+_NMT_NAMES = {BOOT_UP: "boot-up", STOPPED: "stopped", OPERATIONAL: "operational", PRE_OPERATIONAL: "pre-operational"}
 
 LOST_AFTER = 3
 """Heartbeat periods without a heartbeat until a device counts as lost."""
@@ -112,6 +112,8 @@ class CanopenNode:
 
         Raises NotConnectedError if it does not answer, ConfigError if it is another kind of device.
         """
+        self._link.drain()
+        self.restarted = False
         self.command_nmt(NMT_PRE_OPERATIONAL)
         try:
             device_type = self.objects.read(DEVICE_TYPE)
@@ -156,7 +158,10 @@ class CanopenNode:
         self.change(HEARTBEAT_PRODUCER, round(self.heartbeat_period * 1000))
 
     def start(self, timeout: float) -> None:
-        """Bring the node to operational and wait (s) for a heartbeat that says so. Raises RigTimeoutError."""
+        """Bring the node to operational and wait (s) for a heartbeat that says so.
+
+        Raises RigTimeoutError if none comes, DeviceFaultError if the device has restarted since it was identified.
+        """
         self._link.drain()
         self.nmt_state = None
         self.command_nmt(NMT_START)
@@ -170,8 +175,10 @@ class CanopenNode:
                     last_seen=_nmt_name(self.nmt_state),
                     hint="Without it the device sends no process data and cannot be watched.",
                 )
+        if self.restarted:
+            raise self.fault("restarted by itself (boot-up) while it was set up; its configuration is lost")
         self.last_heard = self._clock.now()
-        self.watched, self._lost, self.restarted = True, False, False
+        self.watched, self._lost = True, False
         self.incidents.clear()
         self.failures.clear()
 
@@ -265,14 +272,15 @@ class CanopenNode:
         state = data[0] & 0x7F
         self.last_heard = self._clock.now()
         self._lost = False
+        if state == BOOT_UP:
+            self.restarted = True
         if state != self.nmt_state and self.watched:
             self._on_nmt_change(state)
         self.nmt_state = state
         return False
 
     def _on_nmt_change(self, state: int) -> None:
-        if state == 0:
-            self.restarted = True
+        if state == BOOT_UP:
             self.report("boot-up: the device restarted by itself")
             self.incidents.append(self.fault("restarted by itself (boot-up); its configuration is lost"))
         elif state != OPERATIONAL:

@@ -32,19 +32,25 @@ POLL_TIME = 0.001
 MOST_STEPS = 8
 """Changes of state on the way to operation enabled; the longest regular way takes four."""
 
-_FAULTS = (DriveState.FAULT, DriveState.FAULT_REACTION)
-
 
 class PowerStage:
-    """State and mode of one drive. Every method may raise what object access raises (see `ObjectAccess`)."""
+    """State and mode of one drive. Every method may raise what object access raises (see `ObjectAccess`).
 
-    def __init__(self, node: CanopenNode, options: DriveOptions, link: Link, clock: Clock) -> None:
+    No heartbeat of the bench is sent while a drive is being enabled, so each wait on that way ends after half of
+    `watchdog_time` (s), whatever the options allow: beyond it the drives would stop by themselves.
+    """
+
+    def __init__(
+        self, node: CanopenNode, options: DriveOptions, link: Link, clock: Clock, watchdog_time: float
+    ) -> None:
         self._node = node
         self._name = node.name
         self._objects = node.objects
         self._options = options
         self._link = link
         self._clock = clock
+        self._enable_timeout = min(options.state_timeout, watchdog_time / 2)
+        self._mode_timeout = min(options.mode_timeout, watchdog_time / 2)
 
     def state(self) -> DriveState:
         """Read the state. Raises DriveFaultError if the status word is none of CiA 402."""
@@ -56,7 +62,7 @@ class PowerStage:
         Raises RigTimeoutError, with state and bits, if `wanted` does not come.
         """
         self._objects.write(CONTROL_WORD, control_word)
-        return self._await(accept, wanted)
+        return self._await(accept, wanted, self._options.state_timeout)
 
     def disable_voltage(self) -> DriveState:
         """Take the torque away; give the state read back."""
@@ -75,10 +81,10 @@ class PowerStage:
             self._objects.write(MODE, code)
         except SdoAbortError as error:
             raise self._refused(mode, str(error)) from error
-        deadline = self._clock.now() + self._options.mode_timeout
+        deadline = self._clock.now() + self._mode_timeout
         while (shown := self._objects.read(MODE_DISPLAY)) != code:
             if self._clock.now() >= deadline:
-                still = f"{MODE_DISPLAY} still shows {shown} after {self._options.mode_timeout:g} s"
+                still = f"{MODE_DISPLAY} still shows {shown} after {self._mode_timeout:g} s"
                 raise self._refused(mode, still)
             self._link.wait(POLL_TIME)
 
@@ -126,17 +132,19 @@ class PowerStage:
     def _take_step(self, state: DriveState, mode: Mode) -> None:
         step = cia402.step_to_enabled(state)
         if step is None:
-            self._await(lambda new: new is not state, f"another state than {state}")
+            self._await(lambda new: new is not state, f"another state than {state}", self._enable_timeout)
             return
         if step.leads_to is DriveState.ENABLED and mode is Mode.POSITION:
             self._hold_position()
-        self.command(step.control_word, lambda new: new is step.leads_to or new in _FAULTS, str(step.leads_to))
+        self._objects.write(CONTROL_WORD, step.control_word)
+        arrived = (step.leads_to, DriveState.FAULT, DriveState.FAULT_REACTION)
+        self._await(lambda new: new in arrived, str(step.leads_to), self._enable_timeout)
 
     def _hold_position(self) -> None:
         self._objects.write_verified(TARGET_POSITION, self._objects.read(POSITION))
 
-    def _await(self, accept: Callable[[DriveState], bool], wanted: str) -> DriveState:
-        deadline = self._clock.now() + self._options.state_timeout
+    def _await(self, accept: Callable[[DriveState], bool], wanted: str, timeout: float) -> DriveState:
+        deadline = self._clock.now() + timeout
         while True:
             word = self._objects.read(STATUS_WORD)
             state = self._decode(word)
@@ -145,7 +153,7 @@ class PowerStage:
             if self._clock.now() >= deadline:
                 raise RigTimeoutError(
                     f"drive '{self._name}' to reach {wanted}",
-                    self._options.state_timeout,
+                    timeout,
                     last_seen=cia402.describe_status(word),
                     hint="Check supply, enable input and safe-torque-off of the drive.",
                 )
