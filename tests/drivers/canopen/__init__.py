@@ -1,0 +1,1 @@
+"""Tests of the CANopen drivers: wire tests, codecs, and behaviour against the simulated devices."""
