@@ -56,17 +56,18 @@ def unpack(values: Iterable[float]) -> Constants:
 def derive(config: PlantConfig) -> Constants:
     """Give the constants of a plant.
 
-    Loop gains follow from the inertias. Motor: velocity loop of 100 Hz, its integral at a fifth of that, position
-    loop at a fifth. Load: the velocity gain is as large as its own small inertia allows, 4000 rad/s; integral and
-    position gain suit the inertia which it drags when the mesh slides, hundreds of times larger, and stay stable
-    by Routh's criterion for velocity_gain * (integral_gain + position_gain * velocity_gain) / dragged = 3.25 to 2.25.
+    Loop gains follow from the inertias. Motor: velocity loop of 300 Hz, its integral and the position loop at a
+    quarter of that; softer, a held motor would yield under a load by more than the wave generator's spring. Load: the
+    velocity gain is as large as its own small inertia allows, 4000 rad/s; integral and position gain suit the inertia
+    which it drags when the mesh slides, hundreds of times larger, and stay stable by Routh's criterion,
+    P (I + Q P) > Q I J with velocity P, integral I and position gain Q: 3.25 P^3/J against 2.25 P^3/J.
     """
     drive = config.drive
     flexspline_slope = math.sqrt(config.flexspline_stiffness_cap / drive.K_F0 - 1.0)
     wave_generator_knee_torque = math.log(config.wave_generator_stiffness_cap / drive.K_w0) / drive.C_w
     flexspline_knee_torque = flexspline_slope / drive.C_F
     decay = math.exp(-config.step / config.current_loop_time)
-    motor_bandwidth = 2.0 * math.pi * 100.0
+    motor_bandwidth = 2.0 * math.pi * 300.0
     motor_velocity_gain = motor_bandwidth * config.motor_inertia
     load_velocity_gain = 4000.0 * config.output_inertia
     dragged_inertia = config.output_inertia + drive.ratio**2 * config.motor_inertia
@@ -100,9 +101,9 @@ def derive(config: PlantConfig) -> Constants:
         current_mean=(1.0 - decay) * config.current_loop_time / config.step,
         loop_steps=float(round(config.loop_period / config.step)),
         loop_period=config.loop_period,
-        motor_position_gain=motor_bandwidth / 5.0,
+        motor_position_gain=motor_bandwidth / 4.0,
         motor_velocity_gain=motor_velocity_gain,
-        motor_integral_gain=motor_velocity_gain * motor_bandwidth / 5.0,
+        motor_integral_gain=motor_velocity_gain * motor_bandwidth / 4.0,
         motor_speed_limit=config.motor_speed_limit,
         load_position_gain=load_position_gain,
         load_velocity_gain=load_velocity_gain,

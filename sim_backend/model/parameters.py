@@ -146,11 +146,19 @@ class PlantConfig:
                 f"loop_period = {self.loop_period:g} s must be a whole multiple of step = {self.step:g} s, "
                 f"it is {ticks:g} steps."
             )
-        stiffest = max(
-            self.wave_generator_stiffness_cap / self.motor_inertia,
-            (self.flexspline_stiffness_cap + self.fixture_stiffness) / self.output_inertia,
-        )
-        _check("step", self.step, "s", above=0.0, below=1.0 / math.sqrt(stiffest))
+        self._check_step()
+
+    def _check_step(self) -> None:
+        """Raise ModelError if the stiffest spring with the lightest body swings too fast for the step."""
+        motor = math.sqrt(self.motor_inertia / self.wave_generator_stiffness_cap)
+        output = math.sqrt(self.output_inertia / (self.flexspline_stiffness_cap + self.fixture_stiffness))
+        if self.step > min(motor, output):
+            body, inertia = ("motor", self.motor_inertia) if motor < output else ("output", self.output_inertia)
+            raise ModelError(
+                f"step = {self.step:g} s is too long for the {body} inertia of {inertia:g} kg*m^2 on its springs: "
+                f"at most {min(motor, output):.3g} s. Use a shorter step (loop_period must stay a whole multiple), "
+                f"a larger {body} inertia or lower stiffness caps."
+            )
 
     @property
     def motor_inertia(self) -> float:

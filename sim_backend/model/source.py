@@ -34,7 +34,10 @@ def function_source(function: Callable[..., float], name: str) -> str:
         text = textwrap.dedent(inspect.getsource(function))
     except (OSError, TypeError) as error:
         raise ModelError(f"{function!r} cannot be compiled: its source cannot be read ({error}).") from error
-    node = ast.parse(text).body[0]
+    try:
+        node = ast.parse(text).body[0]
+    except SyntaxError:  # a lambda's source is the line around it, which need not stand alone
+        node = ast.Pass()
     if not isinstance(node, ast.FunctionDef):
         raise ModelError(f"{function!r} cannot be compiled: an effect is a plain function written with def.")
     used = inspect.getclosurevars(function)

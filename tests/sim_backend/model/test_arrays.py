@@ -1,0 +1,52 @@
+"""Effects over arrays: the columns of a fit."""
+
+import numpy as np
+import pytest
+
+from sim_backend.errors import ModelError
+from sim_backend.model.arrays import evaluate, evaluate_slope
+from sim_backend.model.effects import CATALOGUE
+
+ANGLE = np.linspace(-30.0, 30.0, 1001)
+ERROR = CATALOGUE["kinematic-error"]
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_an_effect_is_evaluated_at_every_sample(compiled):
+    values = evaluate(ERROR, {"motor_position": ANGLE, "unused": ANGLE}, (1e-4, 2.02, 0.3), compiled=compiled)
+    # 1e-4 rad times the rounding of an argument of 60 rad
+    assert values == pytest.approx(1e-4 * np.sin(2.02 * ANGLE + 0.3), abs=1e-18 * 1e3)
+
+
+def test_the_slope_is_evaluated_at_every_sample():
+    slope = evaluate_slope(ERROR, {"motor_position": ANGLE}, (1e-4, 2.0, 0.3))
+    assert slope == pytest.approx(2e-4 * np.cos(2.0 * ANGLE + 0.3), abs=1e-15)
+
+
+def test_an_empty_run_gives_an_empty_column():
+    assert evaluate(ERROR, {"motor_position": np.zeros(0)}, (1.0, 2.0, 0.0)).shape == (0,)
+
+
+def test_a_strided_view_gives_the_same_values():
+    whole = evaluate(ERROR, {"motor_position": ANGLE}, (1.0, 2.0, 0.0))
+    assert np.array_equal(evaluate(ERROR, {"motor_position": ANGLE[::3]}, (1.0, 2.0, 0.0)), whole[::3])
+
+
+def test_a_missing_signal_is_named():
+    with pytest.raises(ModelError, match="kinematic-error needs motor_position; given are output_torque"):
+        evaluate(ERROR, {"output_torque": ANGLE}, (1.0, 2.0, 0.0))
+
+
+def test_a_wrong_number_of_values_is_refused():
+    with pytest.raises(ModelError, match=r"takes 3 values \(amplitude, order, phase\); 2 were given"):
+        evaluate(ERROR, {"motor_position": ANGLE}, (1.0, 2.0))
+
+
+def test_a_signal_with_two_dimensions_is_refused():
+    with pytest.raises(ModelError, match="shapes"):
+        evaluate(ERROR, {"motor_position": np.zeros((3, 2))}, (1.0, 2.0, 0.0))
+
+
+def test_an_effect_that_does_not_react_has_no_slope():
+    with pytest.raises(ModelError, match="cogging has no slope"):
+        evaluate_slope(CATALOGUE["cogging"], {"motor_position": ANGLE}, (1.0, 2.0, 0.0))

@@ -1,0 +1,150 @@
+"""Generated kernels: an edit of an effect is noticed, the cache is the user's own, foreign names are refused."""
+
+import importlib.util
+import math
+import os
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from sim_backend.errors import ModelError
+from sim_backend.model import compiler
+from sim_backend.model.compiler import cache_folder, load
+from sim_backend.model.effects import CATALOGUE, ActiveEffect, Effect, Enters
+from sim_backend.model.kernel import kernel_source, plant_kernel
+from sim_backend.model.source import function_source
+
+OUTSIDE = 2.0
+SIGNALS = (0.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 25.0, 25.0)
+
+
+@pytest.fixture
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    return tmp_path / "cache" / "harmonic-rig" / "kernels"
+
+
+def write_and_import(path: Path, factor: float) -> ModuleType:
+    """A module as an editor leaves it: same name, other text."""
+    path.write_text(f"def pull(motor_position, amplitude):\n    return {factor!r} * amplitude * motor_position\n")
+    importlib.invalidate_caches()
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.dont_write_bytecode, before = True, sys.dont_write_bytecode
+    try:
+        spec.loader.exec_module(module)
+    finally:
+        sys.dont_write_bytecode = before
+    return module
+
+
+def effect_of(function) -> Effect:
+    model = CATALOGUE["cogging"]
+    return Effect(
+        **{
+            **{name: getattr(model, name) for name in model.__dataclass_fields__},
+            "id": "pull",
+            "parameters": model.parameters[:1],
+            "function": function,
+        }
+    )
+
+
+def motor_effect(module: ModuleType) -> float:
+    kernel = plant_kernel([ActiveEffect(effect_of(module.pull), (0.5,))])
+    return kernel.motor_effects(*SIGNALS, kernel.effect_parameters)
+
+
+def test_an_edited_effect_changes_the_kernel_and_the_old_text_brings_the_old_value_back(tmp_path, own_cache):
+    path = tmp_path / "edited_effect.py"
+    values = [motor_effect(write_and_import(path, factor)) for factor in (1.0, 100.0, 1.0)]
+    assert values == pytest.approx([0.15, 15.0, 0.15])
+    assert len(list(own_cache.glob("*.py"))) == 2
+
+
+def test_parameter_values_do_not_make_another_kernel():
+    assert kernel_source([CATALOGUE["cogging"]]) == kernel_source([CATALOGUE["cogging"]])
+    one, two = (plant_kernel([ActiveEffect(CATALOGUE["cogging"], (a, 84.0, 0.0))]) for a in (1e-3, 2e-3))
+    assert one.advance is two.advance
+
+
+@pytest.mark.skipif(os.name != "posix", reason="file modes exist on POSIX only")
+def test_the_cache_folder_is_closed_to_others(own_cache):
+    assert cache_folder() == own_cache
+    assert own_cache.stat().st_mode & 0o777 == 0o700
+
+
+@pytest.mark.skipif(os.name != "posix", reason="file modes exist on POSIX only")
+def test_code_is_not_run_from_a_folder_that_others_can_write(own_cache):
+    own_cache.mkdir(parents=True)
+    own_cache.chmod(0o777)
+    with pytest.raises(ModelError, match="others own it or may write to it"):
+        cache_folder()
+
+
+def test_a_home_that_cannot_be_written_costs_only_the_cache(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("not a folder")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    folder = cache_folder()
+    assert folder.is_dir()
+    folder.rmdir()
+
+
+def test_a_tampered_kernel_file_is_written_anew(own_cache):
+    body = "@compiled\ndef value(x):\n    return 2.0 * x"
+    module = load("tampered", body)
+    path = Path(module.__file__)
+    path.write_text("raise SystemExit('not this')")
+    del sys.modules[module.__name__]
+    assert load("tampered", body).value(3.0) == 6.0
+
+
+def test_without_numba_the_same_source_runs_as_plain_python(monkeypatch):
+    monkeypatch.setattr(compiler.importlib.util, "find_spec", lambda name: None)
+    module = load("plain", "@compiled\ndef value(x):\n    return math.sin(x)")
+    assert module.value(0.5) == math.sin(0.5)
+    assert not hasattr(module.value, "py_func")
+
+
+def uses_a_module_constant(motor_position, amplitude):
+    return OUTSIDE * amplitude * motor_position
+
+
+def test_a_function_that_needs_more_than_its_arguments_is_refused_by_name():
+    with pytest.raises(ModelError, match=r"uses_a_module_constant\(\) cannot be compiled: it uses OUTSIDE"):
+        function_source(uses_a_module_constant, "value")
+
+
+def test_a_function_without_source_is_refused():
+    with pytest.raises(ModelError, match="source cannot be read"):
+        function_source(math.sin, "value")
+    with pytest.raises(ModelError, match="written with def"):
+        function_source(lambda motor_position, amplitude: amplitude, "value")
+
+
+def test_an_effect_on_a_signal_that_the_plant_does_not_have_is_refused():
+    def pull(supply_voltage, amplitude):
+        return amplitude * supply_voltage
+
+    with pytest.raises(ModelError, match="pull takes supply_voltage, which the plant does not have"):
+        kernel_source([effect_of(pull)])
+
+
+def test_an_effect_on_a_reading_is_refused_by_the_plant():
+    cogging = CATALOGUE["cogging"]
+    fields = {name: getattr(cogging, name) for name in cogging.__dataclass_fields__}
+    with pytest.raises(ModelError, match="cogging enters the reading, which the plant cannot simulate"):
+        kernel_source([Effect(**{**fields, "enters": Enters.READING})])
+
+
+def test_the_generated_source_contains_every_active_effect_once():
+    source = kernel_source(list(CATALOGUE.values()))
+    for number in range(len(CATALOGUE)):
+        assert source.count(f"def effect_{number}(") == 1
+    assert np.all([f"effect_parameters[{k}]" in source for k in range(8)])

@@ -1,0 +1,104 @@
+"""Catalogue estimates against the paper's worked numbers (with its errata), and what a bench cannot be."""
+
+import dataclasses
+import math
+
+import pytest
+
+from sim_backend.errors import ModelError
+from sim_backend.model.compliance import flexspline_stiffness, flexspline_torsion, wave_generator_torsion
+from sim_backend.model.parameters import HarmonicDrive, PlantConfig, Rotation
+
+CATALOGUE = {
+    "ratio": 100.0,
+    "K1": 8.4e3,
+    "K2": 9.4e3,
+    "T1": 3.9,
+    "T2": 12.0,
+    "hysteresis_loss": 1.8e-4,
+    "starting_torque": 0.012,
+}
+DRIVE = HarmonicDrive.from_catalogue(**CATALOGUE)
+
+
+def test_the_papers_drive_comes_out_with_the_corrected_curvature():
+    assert pytest.approx(8335.98, abs=0.01) == DRIVE.K_F0
+    assert pytest.approx(0.044940, abs=1e-6) == DRIVE.C_F
+    assert pytest.approx(4.0 / 3.0) == DRIVE.K_w0
+    assert pytest.approx(1.0 / 0.012) == DRIVE.C_w
+    assert pytest.approx(1.2) == DRIVE.friction_torque
+
+
+def test_the_estimate_returns_the_catalogue_stiffnesses_in_the_middle_of_their_ranges():
+    assert flexspline_stiffness(3.9 / 2, DRIVE.K_F0, DRIVE.C_F) == pytest.approx(8400.0)
+    assert flexspline_stiffness((3.9 + 12.0) / 2, DRIVE.K_F0, DRIVE.C_F) == pytest.approx(9400.0)
+
+
+@pytest.mark.parametrize(
+    ("torque", "torsion", "tolerance"),
+    [(3.9, 4.631e-4, 5e-8), (12.0, 1.3202e-3, 5e-8), (16.0, 1.6641e-3, 5e-8), (24.0, 2.1974e-3, 5e-8)],
+)
+def test_the_flexspline_twists_as_worked_out_by_hand(torque, torsion, tolerance):
+    assert flexspline_torsion(torque, DRIVE.K_F0, DRIVE.C_F) == pytest.approx(torsion, abs=tolerance)
+
+
+def test_the_wave_generator_twists_by_half_the_hysteresis_loss_at_most():
+    full = wave_generator_torsion(10.0, DRIVE.K_w0, DRIVE.C_w) / DRIVE.ratio
+    assert full == pytest.approx(9.0e-5)
+    at_starting_torque = wave_generator_torsion(0.012, DRIVE.K_w0, DRIVE.C_w) / DRIVE.ratio
+    assert 2 * at_starting_torque == pytest.approx(1.14e-4, abs=5e-7)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("ratio", 0.5),
+        ("K1", 0.0),
+        ("K2", 8.4e3),
+        ("K2", 2e5),
+        ("T1", -1.0),
+        ("T2", 3.9),
+        ("hysteresis_loss", 0.0),
+        ("starting_torque", math.nan),
+    ],
+)
+def test_a_catalogue_that_no_drive_can_have_is_refused_by_name_and_value(name, value):
+    with pytest.raises(ModelError, match=rf"^{name} = {value!r}"):
+        HarmonicDrive.from_catalogue(**{**CATALOGUE, name: value})
+
+
+@pytest.mark.parametrize("name", [field.name for field in dataclasses.fields(HarmonicDrive)])
+@pytest.mark.parametrize("value", [-1.0, math.inf])
+def test_a_drive_refuses_what_is_not_physical(name, value):
+    with pytest.raises(ModelError, match=rf"^{name} = {value!r}"):
+        dataclasses.replace(DRIVE, **{name: value})
+
+
+def test_friction_that_outgrows_its_load_is_refused():
+    with pytest.raises(ModelError, match=r"load_friction = 1.0 .* below 1"):
+        dataclasses.replace(DRIVE, load_friction=1.0)
+
+
+@pytest.mark.parametrize(
+    "name", [f.name for f in dataclasses.fields(PlantConfig) if f.name not in ("drive", "rotation")]
+)
+def test_a_bench_refuses_every_number_that_is_not_finite(name):
+    with pytest.raises(ModelError, match=name):
+        PlantConfig(DRIVE, **{name: math.nan})
+
+
+def test_the_other_rotation_sense_is_refused_with_a_way_out():
+    with pytest.raises(ModelError, match="mirror the motor's signals"):
+        PlantConfig(DRIVE, rotation=Rotation.SAME)
+
+
+def test_a_step_that_the_stiffest_spring_does_not_allow_is_refused_with_the_body_and_the_limit():
+    with pytest.raises(ModelError, match=r"output inertia of 0.0001 .* at most 1.83e-05 s"):
+        PlantConfig(DRIVE, output_inertia=1e-4)
+    with pytest.raises(ModelError, match=r"motor inertia of 8e-07"):
+        PlantConfig(DRIVE, rotor_inertia=1e-7, wave_generator_inertia=7e-7, wave_generator_stiffness_cap=1e4)
+
+
+def test_the_drive_loops_run_on_whole_steps():
+    with pytest.raises(ModelError, match=r"loop_period = 0.0001 s must be a whole multiple of step = 1.5e-05"):
+        PlantConfig(DRIVE, step=1.5e-5)
