@@ -1,8 +1,12 @@
-"""Values that travel between drivers, procedures and the application. All SI; None means "not measured"."""
+"""Values that travel between drivers, procedures and the application. All SI; None means "not measured".
+
+What is made anew in every control cycle is a NamedTuple: as immutable as a frozen dataclass and three times cheaper.
+"""
 
 import math
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 
 class Mode(StrEnum):
@@ -50,8 +54,7 @@ class Setpoint:
             raise ValueError(f"setpoint {self.value} in mode {self.mode} is not a finite number")
 
 
-@dataclass(frozen=True, slots=True)
-class DriveReading:
+class DriveReading(NamedTuple):
     """One drive at one SYNC. Position rad, torque N*m, velocity rad/s, current A; `age` in cycles (0: fresh)."""
 
     position: float
@@ -66,8 +69,7 @@ class DriveReading:
     voltage: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class SensorReading:
+class SensorReading(NamedTuple):
     """One sensor value at one SYNC, in the sensor's SI unit; `age` in cycles (0: fresh)."""
 
     value: float
@@ -111,8 +113,7 @@ class DeviceEvent:
     data: bytes = b""
 
 
-@dataclass(frozen=True, slots=True)
-class Sample:
+class Sample(NamedTuple):
     """Everything the bench measured in one control cycle; names and signs as in `drivers.signals`."""
 
     time: float

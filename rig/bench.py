@@ -5,8 +5,8 @@ arrive is absent from it. No policy lives here: limits and the safe state belong
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from typing import Any, Protocol, cast
+from contextlib import suppress
+from typing import Any, NamedTuple, Protocol, cast
 
 from drivers.clock import Clock
 from drivers.devices import DeviceBus, DeviceConfig, Drive, Sensor, TorqueSensor
@@ -29,8 +29,7 @@ class FixtureLock(Protocol):
         """Lock or release the output; returns when it is done. Raises AbortedError if it is refused."""
 
 
-@dataclass(frozen=True, slots=True)
-class CycleReport:
+class CycleReport(NamedTuple):
     """One cycle: the `sample` to log, the same with the last known values filled in, and how many were missing."""
 
     sample: Sample
@@ -61,6 +60,7 @@ class Bench:
             self._buses.append(bus)
             for config in group:
                 self._devices[config.name] = bus.attach(config)
+        self._name_parts()
         infos: list[DeviceInfo] = []
         missing: dict[str, str] = {}
         for device in self._devices.values():
@@ -71,6 +71,13 @@ class Bench:
         if missing:
             raise NotConnectedError(missing)
         return tuple(infos)
+
+    def _name_parts(self) -> None:
+        """Keep each role's device at hand for the cycle."""
+        self._motor = cast(Drive, self._devices["motor"])
+        self._load = cast(Drive | None, self._devices.get("load"))
+        self._encoder = cast(Sensor | None, self._devices.get("output_encoder"))
+        self._torque = cast(Sensor | None, self._devices.get("torque_sensor"))
 
     def _open_bus(self, group: tuple[DeviceConfig, ...]) -> DeviceBus:
         first = group[0]
@@ -92,59 +99,54 @@ class Bench:
 
     def apply(self, axis: Axis, setpoint: Setpoint | None) -> bool:
         """Queue a setpoint, or release the axis with None. Gives True if the drive changed its state for it."""
+        drive = self._drive(axis)
         self._commands[axis] = setpoint
         wanted = setpoint.mode if setpoint is not None else None
         changed = wanted is not self._modes[axis]
         if changed:
-            drive = self._drive(axis)
             if wanted is None:
                 drive.disable()
             else:
                 drive.enable(wanted)
             self._modes[axis] = wanted
         if setpoint is not None:
-            self._drive(axis).write(setpoint.value)
+            drive.write(setpoint.value)
         return changed
 
     def cycle(self, time: float, index: int, late: bool) -> CycleReport:
         """Exchange one cycle. `time` s since the run began, `index` the cycle's number."""
         for bus in self._buses:
             bus.exchange()
-        motor = cast(Drive, self._devices["motor"]).read()
-        load = cast(Drive, self._devices["load"]).read() if "load" in self._devices else None
-        encoder = cast(Sensor, self._devices["output_encoder"]).read() if self.has("output_encoder") else None
-        torque = cast(Sensor, self._devices["torque_sensor"]).read() if self.has("torque_sensor") else None
-        motor_command, load_command = self._commands[Axis.MOTOR], self._commands[Axis.LOAD]
+        motor = self._motor.read()
+        load = self._load.read() if self._load is not None else _ABSENT_DRIVE
+        encoder = self._encoder.read() if self._encoder is not None else _ABSENT_SENSOR
+        torque = self._torque.read() if self._torque is not None else _ABSENT_SENSOR
+        position, velocity, motor_torque = _commands(self._commands[Axis.MOTOR])
         filled = Sample(
             time=time,
             cycle=index,
             late=int(late),
             motor_position=motor.position,
             motor_velocity=motor.velocity,
+            motor_position_command=position,
+            motor_velocity_command=velocity,
             motor_torque=motor.torque,
+            motor_torque_command=motor_torque,
             motor_current=motor.current,
+            output_position=encoder.value,
+            output_torque=torque.value,
+            load_torque=load.torque,
+            load_torque_command=_commands(self._commands[Axis.LOAD])[2],
+            load_position=load.position,
             motor_temperature=motor.temperature,
             bus_voltage=motor.voltage,
             status_word=motor.status_word,
-            motor_position_command=_commanded(motor_command, Mode.POSITION),
-            motor_velocity_command=_commanded(motor_command, Mode.VELOCITY),
-            motor_torque_command=_commanded(motor_command, Mode.TORQUE),
-            output_position=encoder.value if encoder is not None else None,
-            output_torque=torque.value if torque is not None else None,
-            load_position=load.position if load is not None else None,
-            load_torque=load.torque if load is not None else None,
-            load_torque_command=_commanded(load_command, Mode.TORQUE),
-            load_status_word=load.status_word if load is not None else None,
+            load_status_word=load.status_word,
         )
-        ages = {
-            "motor": motor.age,
-            "load": load.age if load is not None else 0,
-            "output_encoder": encoder.age if encoder is not None else 0,
-            "torque_sensor": torque.age if torque is not None else 0,
-        }
-        stale = {name: age for name, age in ages.items() if age > 0}
-        if not stale:
+        if not (motor.age or load.age or encoder.age or torque.age):
             return CycleReport(filled, filled, 0)
+        ages = {"motor": motor.age, "load": load.age, "output_encoder": encoder.age, "torque_sensor": torque.age}
+        stale = {name: age for name, age in ages.items() if age > 0}
         oldest = max(stale.values())
         if oldest > STALE_CYCLES:
             raise CycleError(
@@ -161,9 +163,19 @@ class Bench:
         """Give the latest reading of each drive."""
         return {axis: self._drive(axis).read() for axis in Axis if self.has(axis.value)}
 
-    def events(self) -> tuple[DeviceEvent, ...]:
+    def events(self) -> list[DeviceEvent]:
         """Give what the devices reported by themselves since the last call."""
-        return tuple(event for bus in self._buses for event in bus.events())
+        found: list[DeviceEvent] = []
+        for bus in self._buses:
+            found += bus.events()
+        return found
+
+    def listen(self) -> list[DeviceEvent]:
+        """Exchange one cycle after a failure and give only what the devices reported by themselves."""
+        for bus in self._buses:
+            with suppress(RigError):  # the run has failed already; what its devices say may tell why
+                bus.exchange()
+        return self.events()
 
     def disable(self) -> Mapping[Axis, DriveState]:
         """Take the torque from every drive; give the states read back. A drive that fails does not stop the next."""
@@ -240,8 +252,36 @@ def _by_bus(configs: tuple[DeviceConfig, ...]) -> dict[tuple[str, str, str], tup
     return groups
 
 
-def _commanded(setpoint: Setpoint | None, mode: Mode) -> float | None:
-    return setpoint.value if setpoint is not None and setpoint.mode is mode else None
+class _AbsentDrive(NamedTuple):
+    """Stands for a load drive that the bench has not."""
+
+    position: None = None
+    torque: None = None
+    status_word: None = None
+    age: int = 0
+
+
+class _AbsentSensor(NamedTuple):
+    """Stands for a sensor that the bench has not."""
+
+    value: None = None
+    age: int = 0
+
+
+_ABSENT_DRIVE = _AbsentDrive()
+_ABSENT_SENSOR = _AbsentSensor()
+_NO_COMMAND = (None, None, None)
+
+
+def _commands(setpoint: Setpoint | None) -> tuple[float | None, float | None, float | None]:
+    """Give the commanded position, velocity and torque; only the one of the setpoint's mode is not None."""
+    if setpoint is None:
+        return _NO_COMMAND
+    if setpoint.mode is Mode.TORQUE:
+        return None, None, setpoint.value
+    if setpoint.mode is Mode.VELOCITY:
+        return None, setpoint.value, None
+    return setpoint.value, None, None
 
 
 _FIELDS_OF_ROLE: Mapping[str, tuple[str, ...]] = {
@@ -262,4 +302,4 @@ _FIELDS_OF_ROLE: Mapping[str, tuple[str, ...]] = {
 
 def _without(sample: Sample, roles: Mapping[str, int]) -> Sample:
     absent: dict[str, Any] = {name: None for role in roles for name in _FIELDS_OF_ROLE[role]}
-    return replace(sample, **absent)
+    return sample._replace(**absent)

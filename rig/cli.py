@@ -118,7 +118,9 @@ def export(
 @app.command("import")
 def import_(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="CSV, HDF5, MAT or Parquet files.")],
-    mapping: Annotated[Path, typer.Option("--map", help="Mapping file (map.toml).")],
+    mapping: Annotated[
+        Path | None, typer.Option("--map", help="Mapping file (map.toml); not needed for contract CSV.")
+    ] = None,
     out: Out = Path("runs"),
     as_json: Json = False,
 ) -> None:

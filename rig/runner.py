@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Protocol
 
-from drivers.errors import AbortedError, ConfigError, CycleError, LimitError, Mistake, RigError
+from drivers.errors import AbortedError, ConfigError, CycleError, LimitError, Mistake, NotConnectedError, RigError
 from drivers.types import Axis, DeviceEvent, DriveState, Mode, Sample, Setpoint
 from procedures.intents import Ask, Command, Intent, Mark, Result, SetLock, Steps, Tare
 from rig.bench import Bench
@@ -19,6 +19,9 @@ from rig.limits import LimitWatch
 from rig.log.run import RunEvent
 from rig.operator import Operator
 from rig.stop import Stop
+
+LISTENING_TIME = 0.5
+"""How long to listen, s, after the devices fell silent: longer than a drive takes to restart."""
 
 
 class Status(StrEnum):
@@ -102,6 +105,8 @@ def execute(
     finally:
         steps.close()
         safe = run.make_safe()
+    if isinstance(error, CycleError | NotConnectedError):
+        run.listen_for_the_cause(error)
     return RunOutcome(
         status=_status(error),
         result=result,
@@ -268,6 +273,19 @@ class _Execution:
         if self._on_progress is not None and self.index % self._progress_every == 0:
             self._on_progress(Progress(self.time, self._phase.phase, self._phase.duration, report.filled))
         return report.filled
+
+    def listen_for_the_cause(self, error: RigError) -> None:
+        """Hear what the devices report after a failure (a restart, an emergency) and add it to the error."""
+        heard: list[str] = []
+        for _ in range(round(LISTENING_TIME / self._cycle_time)):
+            self._deadline += self._cycle_time
+            self._clock.sleep_until(self._deadline)
+            self.time = self._clock.now() - self._begin
+            for event in self._bench.listen():
+                self._log.device_event(event)
+                heard.append(f"{event.device}: {event.text}")
+        if heard:
+            error.add_note(f"After it the devices reported: {'; '.join(heard)}.")
 
     def make_safe(self) -> SafeState:
         """Take the torque away by the bench's declared reaction, confirm it, and record it. Raises nothing."""

@@ -1,16 +1,19 @@
 """Look into logs, recover, export and import them."""
 
+from dataclasses import asdict
 from pathlib import Path
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from drivers.errors import ConfigError, Mistake
-from rig.log.export import KINDS, export_run
+from rig.log.export import ExportKind, export_run
 from rig.log.importer import import_files
 from rig.log.load import load_run, load_runs
 from rig.log.recover import recover
-from rig.log.show import describe
+from rig.log.run import Run
+from rig.log.show import Summary, describe
 from rig.terminal import emit, tell
 
 
@@ -18,44 +21,82 @@ def show_command(path: Path, as_json: bool) -> None:
     """Print what a log holds."""
     summary = describe(load_run(path))
     if as_json:
-        emit(summary.to_dict())
+        emit(summary.as_dict())
         return
-    console = Console()
-    console.print(summary.to_text(), highlight=False, markup=False)
+    _print_summary(summary)
 
 
 def recover_command(path: Path, out: Path | None, as_json: bool) -> None:
     """Write what is readable of a cut-off log into a new file."""
     report = recover(path, out)
     if as_json:
-        emit(report.to_dict())
+        emit({**asdict(report), "source": str(report.source), "file": str(report.file), "intact": report.intact})
         return
-    tell(report.to_text())
+    for damage in report.damage:
+        tell(f"damage: {damage}")
+    found = "The log was whole; its copy is" if report.intact else "Saved to"
+    tell(f"{found} {report.file}: {report.samples} samples over {report.seconds:.3f} s, {report.messages} messages.")
 
 
 def export_command(paths: tuple[Path, ...], kind: str, out: Path, as_json: bool) -> None:
     """Export every log to one file each."""
-    if kind not in KINDS:
-        raise ConfigError("--to", [Mistake("--to", kind, f"expected one of {', '.join(KINDS)}")])
-    written = [export_run(run, kind, out) for run in load_runs(paths)]
-    if as_json:
-        emit({"files": [str(path) for path in written]})
-        return
-    for path in written:
-        tell(str(path))
+    if kind not in list(ExportKind):
+        raise ConfigError("--to", [Mistake("--to", kind, f"expected one of {', '.join(ExportKind)}")])
+    written = [export_run(run, ExportKind(kind), out) for run in load_runs(paths)]
+    _print_files(written, as_json)
 
 
-def import_command(files: tuple[Path, ...], mapping: Path, out: Path, as_json: bool) -> None:
+def import_command(files: tuple[Path, ...], mapping: Path | None, out: Path, as_json: bool) -> None:
     """Turn foreign recordings into logs."""
     written = import_files(files, mapping, out)
-    if as_json:
-        emit({"files": [str(path) for path in written]})
-        return
-    table = Table(box=None, header_style="bold")
-    for heading in ("log", "samples", "seconds", "signals"):
-        table.add_column(heading)
     for run in load_runs(written):
-        table.add_row(str(run.file), str(len(run.time)), f"{run.time[-1]:.2f}", ", ".join(run.signals))
-        for warning in run.warnings:
-            tell(f"{run.name}: {warning}")
-    Console().print(table)
+        tell(f"{run.file}: {len(run.time)} samples, {run.time[-1]:.2f} s, {', '.join(run.signals)}")
+        _warn(run)
+    _print_files(written, as_json)
+
+
+def _warn(run: Run) -> None:
+    for warning in run.warnings:
+        tell(f"{run.name}: {warning}")
+
+
+def _print_files(files: list[Path], as_json: bool) -> None:
+    if as_json:
+        emit({"files": [str(path) for path in files]})
+        return
+    for path in files:
+        print(path)
+
+
+def _print_summary(summary: Summary) -> None:
+    console = Console()
+
+    def line(name: str, value: object) -> None:
+        console.print(f"{name:12} {escape(str(value))}", highlight=False, soft_wrap=True)
+
+    line("log", summary.file)
+    line("procedure", summary.procedure)
+    rate = f" at {summary.rate:.6g} Hz" if summary.rate is not None else ""
+    line("samples", f"{summary.samples} over {summary.duration:.3f} s{rate}")
+    line("complete", "yes" if summary.complete else "NO: the log was cut off")
+    if summary.late is not None or summary.missing is not None:
+        line("cycles", f"{summary.late or 0} late, {summary.missing or 0} missing")
+    if summary.replicate is not None:
+        line("replicate", summary.replicate)
+    if summary.start_angle is not None:
+        line("start angle", f"{summary.start_angle:.6g} rad")
+    table = Table(header_style="bold")
+    table.add_column("signal")
+    table.add_column("unit")
+    for heading in ("smallest", "largest", "rms", "absent"):
+        table.add_column(heading, justify="right")
+    for signal in summary.signals:
+        numbers = [f"{v:.6g}" if v is not None else "" for v in (signal.minimum, signal.maximum, signal.rms)]
+        table.add_row(escape(signal.name), escape(signal.unit), *numbers, str(signal.missing or ""))
+    console.print(table)
+    for event in summary.events:
+        line(f"{event.time:10.3f} s", f"{event.kind}: {event.text}")
+    for name, value in summary.metadata.items():
+        line(name, value if len(value) <= 200 else value[:197] + "...")
+    for warning in summary.warnings:
+        line("warning", warning)

@@ -1,7 +1,7 @@
 """`rig run`: open the bench, run the procedures, log every run; or walk through them in simulation (dry run)."""
 
 import tempfile
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
@@ -10,7 +10,7 @@ from rich.table import Table
 from drivers.clock import Clock, RealClock
 from drivers.errors import AbortedError, ConfigError, LimitError, Mistake, RigError
 from procedures.intents import Measurement, Result
-from procedures.plan import PlannedRun, Procedure, build_parameters
+from procedures.plan import PlannedRun, build_parameters
 from procedures.registry import PROCEDURES
 from rig.bench import Bench, FixtureLock
 from rig.config.bench import BenchFile, Lock, load_bench
@@ -18,7 +18,7 @@ from rig.config.dut import Dut, default_dut, load_dut
 from rig.loop.model_file import Model, load_model
 from rig.operator import ConsentGiven, Operator, SimulatedOperator, TerminalOperator
 from rig.runner import Progress
-from rig.session import Job, JobRecord, Provenance, RunRecord, Watcher, bench_facts, margin_table, run_jobs
+from rig.session import Job, JobRecord, Provenance, RunRecord, Watcher, margin_table, run_jobs
 from rig.simulation import as_simulated, simulate
 from rig.stop import Stop
 from rig.terminal import emit, tell
@@ -100,9 +100,9 @@ def _jobs(names: tuple[str, ...], options: RunOptions) -> tuple[Job, ...]:
     for name in names:
         if name not in PROCEDURES:
             continue
-        procedure: Procedure = PROCEDURES[name]
+        chosen = PROCEDURES[name]
         try:
-            jobs.append(Job(procedure, build_parameters(procedure, settings[name]), options.repeat))
+            jobs.append(Job(chosen, build_parameters(chosen, settings[name]), options.repeat))
         except ConfigError as error:
             mistakes.extend(error.mistakes)
     if mistakes:
@@ -147,11 +147,8 @@ def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Mode
     stand_in = as_simulated(bench_file)
     with Stop().listening() as stop, tempfile.TemporaryDirectory() as folder:
         simulated = simulate(stand_in, dut, model, seed=options.seed)
-        phases: list[tuple[str, str]] = []
         records: list[RunRecord] = []
-        watcher = Watcher(
-            on_run=lambda procedure, planned, *_: phases.append((procedure, planned.name)), on_end=records.append
-        )
+        watcher = Watcher(on_end=records.append)
         try:
             run_jobs(
                 simulated.bench,
@@ -221,9 +218,7 @@ def _watcher(as_json: bool) -> Watcher:
         if status is not None:
             status.stop()
         if not record.set_up:
-            console.print(
-                f"{record.outcome.status:8} {record.outcome.duration:7.1f} s  {record.file}", highlight=False
-            )
+            console.print(f"{record.outcome.status:8} {record.outcome.duration:7.1f} s  {record.file}", highlight=False)
 
     return Watcher(on_run, on_progress, on_end)
 
@@ -262,9 +257,12 @@ def _report(records: tuple[JobRecord, ...], options: RunOptions) -> None:
 
 def result_table(title: str, result: Result) -> Table:
     """Give a procedure's measurements as a table."""
-    table = Table(title=title, title_justify="left", header_style="bold")
-    for heading in ("quantity", "value", "±", "unit", "meaning"):
-        table.add_column(heading)
+    table = Table(title=title, title_justify="left", header_style="bold", box=None, padding=(0, 1))
+    table.add_column("quantity", no_wrap=True)
+    table.add_column("value", justify="right", no_wrap=True)
+    table.add_column("±", justify="right", no_wrap=True)
+    table.add_column("unit", no_wrap=True)
+    table.add_column("meaning")
     for m in result.measurements:
         spread = f"{m.uncertainty:.2g}" if m.uncertainty is not None else ""
         table.add_row(m.name, f"{m.value:.5g}", spread, m.unit, m.meaning)

@@ -1,0 +1,195 @@
+"""Build the simulated bench for a bench file: plant from the device under test or a fitted model, nodes, bus, clock."""
+
+import math
+import secrets
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from drivers.clock import VirtualClock
+from drivers.errors import ConfigError, Mistake
+from rig.bench import Bench
+from rig.config.bench import SIMULATED, BenchFile, Device, Lock
+from rig.config.dut import Dut, default_dut
+from rig.loop.model_file import Model
+from sim_backend.errors import ModelError
+from sim_backend.model.effects import CATALOGUE, ActiveEffect
+from sim_backend.model.parameters import HarmonicDrive, PlantConfig
+from sim_backend.nodes.bench import LOAD_DRIVE, MOTOR_DRIVE, OUTPUT_ENCODER, TORQUE_TRANSDUCER
+from sim_backend.nodes.communication import CanopenNode
+from sim_backend.nodes.drive402 import drive_node
+from sim_backend.nodes.encoder406 import encoder_node
+from sim_backend.nodes.torque404 import torque_node
+from sim_backend.plant import Plant
+from sim_backend.world import World
+
+DRIVE_MARGIN = 1.175
+"""Rated torque of the simulated drives over what the gear's rated torque asks of them."""
+
+VISCOUS_SHARE = 0.01
+"""Assumed viscous friction at the motor, N*m*s/rad per N*m of starting torque: 1.2e-4 N*m*s for 12 mN*m."""
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedBench:
+    """A bench (not opened yet) with its world, and what had to be assumed to build it."""
+
+    bench: Bench
+    world: World
+    plant: Plant
+    assumed: tuple[str, ...]
+
+
+def as_simulated(bench: BenchFile) -> BenchFile:
+    """Give the same bench with every device simulated, for a dry run against its limits."""
+    devices = {
+        role: Device(
+            driver=device.driver,
+            interface=SIMULATED,
+            channel=f"{device.interface}:{device.channel}",
+            node=device.node,
+            bitrate=device.bitrate,
+        )
+        for role, device in bench.devices.items()
+    }
+    lock = Lock.NONE if bench.fixture.lock is Lock.NONE else Lock.SIMULATED
+    return bench.model_copy(update={"devices": devices, "fixture": bench.fixture.model_copy(update={"lock": lock})})
+
+
+def simulate(
+    bench: BenchFile,
+    dut: Dut,
+    model: Model | None = None,
+    effects: Sequence[ActiveEffect] = (),
+    seed: int | None = None,
+) -> SimulatedBench:
+    """Build the bench that is not there.
+
+    `effects` are added to those of `model`; `seed` fixes the instruments' noise, None draws one. Raises ConfigError
+    if dut or model describe a drive that cannot be.
+    """
+    assumed: list[str] = []
+    try:
+        plant = _plant(dut, model, effects, secrets.randbits(31) if seed is None else seed, assumed)
+    except ModelError as error:
+        source = f"model of '{dut.name}'" if model is not None else f"dut '{dut.name}'"
+        raise ConfigError(source, [Mistake("simulated bench", dut.name, str(error))]) from error
+    nodes = tuple(_node(role, device, plant, dut) for role, device in bench.devices.items())
+    world = World(plant, nodes)
+    keys = {(device.interface, device.channel) for device in bench.devices.values()}
+    if len(keys) > 1:
+        raise ConfigError(
+            bench.name,
+            [Mistake("devices", sorted(keys), "the simulated bench has one bus; give its devices one channel")],
+        )
+    fixture = world if bench.fixture.lock is Lock.SIMULATED else None
+    clock = VirtualClock(world)
+    return SimulatedBench(Bench(bench, clock, fixture, dict.fromkeys(keys, world.bus)), world, plant, tuple(assumed))
+
+
+def _plant(dut: Dut, model: Model | None, effects: Sequence[ActiveEffect], seed: int, assumed: list[str]) -> Plant:
+    drive = _drive_from_dut(dut, assumed) if model is None else drive_of_model(model, assumed)
+    config = PlantConfig(
+        drive=drive, motor_rated_torque=_motor_rated_torque(dut), load_rated_torque=_load_rated_torque(dut)
+    )
+    if dut.motor.inertia is not None:
+        config = replace(config, rotor_inertia=dut.motor.inertia)
+    if dut.output.inertia is not None:
+        config = replace(config, output_inertia=dut.output.inertia)
+    active = (*(effects_of_model(model, assumed) if model is not None else ()), *effects)
+    return Plant(config, active, seed=seed)
+
+
+def _drive_from_dut(dut: Dut, assumed: list[str]) -> HarmonicDrive:
+    """Estimate the drive from catalogue values, Zhang (29)-(35); what the dut lacks comes from the shipped one."""
+    shipped = default_dut()[0].gear
+    values: dict[str, float] = {}
+    for name in ("ratio", "K1", "K2", "T1", "T2", "hysteresis_loss", "starting_torque"):
+        value = getattr(dut.gear, name)
+        if value is None:
+            value = getattr(shipped, name)
+            assumed.append(f"gear.{name} = {value:g} (not in the dut file)")
+        values[name] = value
+    viscous = VISCOUS_SHARE * values["starting_torque"]
+    assumed.append(f"viscous friction {viscous:.3g} N*m*s at the motor")
+    return HarmonicDrive.from_catalogue(**values, viscous_friction=viscous)
+
+
+def drive_of_model(model: Model, assumed: list[str]) -> HarmonicDrive:
+    """Give the drive that a fitted model describes; what it does not hold comes from its dut."""
+    fallback = _drive_from_dut(model.dut, [])
+    fitted = {name: estimate.value for name, estimate in model.base.parameters.items()}
+    ratio = model.base.ratio or fallback.ratio
+    friction = ratio * fitted["T_fs"] if "T_fs" in fitted else fallback.friction_torque
+    values = {
+        "K_F0": fitted.get("K_F0", fallback.K_F0),
+        "C_F": fitted.get("C_F", fallback.C_F),
+        "K_w0": fitted.get("K_w0", fallback.K_w0),
+        "C_w": fitted.get("C_w", fallback.C_w),
+        "viscous_friction": max(0.0, fitted.get("b", fallback.viscous_friction)),
+    }
+    missing = [name for name in ("K_F0", "C_F", "K_w0", "C_w", "T_fs", "b") if name not in fitted]
+    if missing:
+        assumed.append(f"{', '.join(missing)} from the dut's catalogue values (not in the model)")
+    return HarmonicDrive(ratio=ratio, friction_torque=friction, **values)
+
+
+def effects_of_model(model: Model, assumed: list[str]) -> tuple[ActiveEffect, ...]:
+    """Give the fitted effects as the plant takes them, one per line.
+
+    A term without a catalogue name runs as the catalogue's effect of the same equation, variable and shape.
+    """
+    active: list[ActiveEffect] = []
+    for fitted in model.effects:
+        effect = CATALOGUE.get(fitted.effect) or next(
+            (
+                e
+                for e in CATALOGUE.values()
+                if (e.variable, e.shape) == (fitted.variable, fitted.shape) and e.enters == fitted.enters
+            ),
+            None,
+        )
+        if effect is None:
+            assumed.append(f"'{fitted.effect}' is left out: the simulated bench has no such effect")
+            continue
+        for line in fitted.lines:
+            values = {
+                "order": line.order,
+                "amplitude": line.amplitude,
+                "phase": math.remainder(line.phase, 2 * math.pi),
+            }
+            active.append(ActiveEffect(effect, tuple(values[p.name] for p in effect.parameters)))
+    return tuple(active)
+
+
+def _motor_rated_torque(dut: Dut) -> float:
+    gear = dut.gear
+    if gear.rated_torque is None or gear.ratio is None:
+        return MOTOR_DRIVE.rated_torque
+    return DRIVE_MARGIN * gear.rated_torque / gear.ratio
+
+
+def _load_rated_torque(dut: Dut) -> float:
+    return LOAD_DRIVE.rated_torque if dut.gear.rated_torque is None else 1.25 * dut.gear.rated_torque
+
+
+def _node(role: str, device: Device, plant: Plant, dut: Dut) -> CanopenNode:
+    match role:
+        case "motor":
+            config = replace(
+                MOTOR_DRIVE,
+                node_id=device.node,
+                encoder_counts=dut.motor.encoder_counts or MOTOR_DRIVE.encoder_counts,
+                rated_torque=_motor_rated_torque(dut),
+                max_torque=3 * _motor_rated_torque(dut),
+                torque_constant=dut.motor.torque_constant or MOTOR_DRIVE.torque_constant,
+            )
+            return drive_node(config, plant)
+        case "load":
+            rated = _load_rated_torque(dut)
+            return drive_node(replace(LOAD_DRIVE, node_id=device.node, rated_torque=rated, max_torque=3 * rated), plant)
+        case "output_encoder":
+            counts = dut.output.encoder_counts or OUTPUT_ENCODER.encoder_counts
+            turns = min(OUTPUT_ENCODER.turns, 2 ** int(math.log2(2**32 // counts)))
+            return encoder_node(replace(OUTPUT_ENCODER, node_id=device.node, encoder_counts=counts, turns=turns), plant)
+        case _:
+            return torque_node(replace(TORQUE_TRANSDUCER, node_id=device.node), plant)

@@ -1,0 +1,297 @@
+import contextlib
+import itertools
+
+import pytest
+
+from drivers.errors import (
+    AbortedError,
+    ConfigError,
+    CycleError,
+    DriveFaultError,
+    LimitError,
+    NotConnectedError,
+    RigError,
+)
+from drivers.types import Mode, Sample, Setpoint
+from procedures.intents import Ask, Command, Mark, Measurement, Result, SetLock, Steps, Tare
+from rig.runner import Status
+from rig.stop import Stop
+from sim_backend.faults import FAULTS
+from tests.rig.bench import MemoryLog, run_on, sim_bench
+
+
+def hold_torque(value: float, cycles: int) -> Steps:
+    yield SetLock(True)
+    yield Mark("hold")
+    for _ in range(cycles):
+        yield Command(motor=Setpoint(Mode.TORQUE, value))
+    return Result((Measurement("cycles", cycles, "1"),))
+
+
+def released(sim) -> bool:
+    """True if neither simulated drive drives its shaft, seen from the plant and not from what the drives report."""
+    before = sim.plant.truth()
+    return abs(before.motor_torque) < 1e-3 and abs(before.load_torque) < 1e-3
+
+
+@pytest.fixture
+def sim():
+    bench = sim_bench()
+    bench.bench.open()
+    yield bench
+    bench.bench.close()
+
+
+def test_a_run_gives_its_result_and_ends_with_a_confirmed_safe_state(sim):
+    log = MemoryLog()
+    outcome = run_on(sim, hold_torque(0.02, 100), log)
+    assert outcome.status is Status.DONE
+    assert outcome.result.measurements[0].value == 100
+    assert outcome.safe_state.confirmed
+    assert set(outcome.safe_state.states) == {"motor", "load"}
+    assert released(sim)
+    assert log.texts("phase") == ["hold"]
+    assert len(log.texts("safe state")) == 1
+
+
+def test_every_cycle_is_logged_once_with_its_index_and_simulated_time(sim):
+    log = MemoryLog()
+    run_on(sim, hold_torque(0.02, 50), log)
+    assert [sample.cycle for sample in log.samples] == list(range(len(log.samples)))
+    steps = [b.time - a.time for a, b in zip(log.samples, log.samples[1:], strict=False)]
+    # the drive takes two cycles to switch its mode; from then on the pace is exact
+    assert steps[0] == pytest.approx(3e-3, abs=1e-9)
+    assert steps[1:] == pytest.approx([1e-3] * (len(steps) - 1), abs=1e-9)
+
+
+def test_setpoint_reaches_the_shaft_and_comes_back_measured(sim):
+    log = MemoryLog()
+    run_on(sim, hold_torque(0.05, 300), log)
+    sample = log.samples[250]
+    assert sample.motor_torque_command == 0.05
+    # 0.188 mN*m resolution of the drive's per mille, 0.2 mN*m rms of current noise: five sigma
+    assert sample.motor_torque == pytest.approx(0.05, abs=1.2e-3)
+
+
+def test_torque_is_ramped_down_and_not_cut_when_a_run_ends(sim):
+    log = MemoryLog()
+    run_on(sim, hold_torque(0.1, 200), log)
+    commands = [sample.motor_torque_command for sample in log.samples if sample.motor_torque_command is not None]
+    drops = [a - b for a, b in itertools.pairwise(commands)]
+    # 0.1 N*m in 0.2 s at 1 kHz is 0.5 mN*m a cycle
+    assert max(drops) == pytest.approx(0.1 / 200, rel=1e-6)
+    assert commands[-1] == 0.0
+
+
+def test_a_setpoint_above_the_limit_is_refused_before_it_is_sent(sim):
+    log = MemoryLog()
+    outcome = run_on(sim, hold_torque(0.26, 10), log)
+    assert outcome.status is Status.LIMIT
+    assert isinstance(outcome.error, LimitError)
+    assert (outcome.error.value, outcome.error.limit, outcome.error.unit) == (0.26, 0.25, "N*m")
+    assert all(sample.motor_torque_command is None for sample in log.samples)
+    assert outcome.safe_state.confirmed
+
+
+def test_a_runaway_in_torque_mode_is_stopped_by_the_speed_limit(sim):
+    def run_away() -> Steps:
+        while True:
+            yield Command(motor=Setpoint(Mode.TORQUE, 0.1))
+
+    log = MemoryLog()
+    outcome = run_on(sim, run_away(), log)
+    assert isinstance(outcome.error, LimitError)
+    assert outcome.error.signal == "motor_velocity"
+    assert outcome.error.exit_code == 3
+    assert outcome.safe_state.confirmed
+    assert released(sim)
+
+
+def test_an_output_torque_above_its_limit_stops_the_run():
+    sim = sim_bench(("output_torque = 30.0", "output_torque = 5.0"))
+    sim.bench.open()
+    outcome = run_on(sim, hold_torque(0.1, 500), MemoryLog())
+    assert outcome.error.signal == "output_torque"
+    sim.bench.close()
+
+
+def test_travel_is_counted_from_where_the_run_began():
+    sim = sim_bench(("motor_velocity = 220.0", "motor_velocity = 220.0\nmotor_travel = 1.0"))
+    sim.bench.open()
+
+    def turn() -> Steps:
+        while True:
+            yield Command(motor=Setpoint(Mode.VELOCITY, 5.0))
+
+    outcome = run_on(sim, turn(), MemoryLog())
+    assert outcome.error.signal == "motor_position"
+    assert "travelled" in str(outcome.error)
+    sim.bench.close()
+
+
+def test_a_stop_request_ends_the_run_in_the_next_cycle_and_leaves_it_safe(sim):
+    stop, log = Stop(), MemoryLog()
+    log.on_sample = lambda sample: stop.request("SIGINT") if sample.cycle == 40 else None
+    outcome = run_on(sim, hold_torque(0.05, 1000), log, stop)
+    assert outcome.status is Status.ABORTED
+    assert isinstance(outcome.error, AbortedError)
+    assert outcome.error.by == "SIGINT"
+    assert outcome.error.exit_code == 4
+    assert max(s.cycle for s in log.samples if s.motor_torque_command == 0.05) <= 41
+    assert outcome.safe_state.confirmed
+    assert released(sim)
+
+
+def test_a_stop_request_before_the_first_cycle_moves_nothing(sim):
+    stop, log = Stop(), MemoryLog()
+    stop.request("SIGTERM")
+    outcome = run_on(sim, hold_torque(0.05, 10), log, stop)
+    assert outcome.status is Status.ABORTED
+    assert log.samples == []
+
+
+def test_a_bug_in_a_procedure_is_raised_after_the_bench_was_made_safe(sim):
+    def broken() -> Steps:
+        yield SetLock(True)
+        for _ in range(20):
+            yield Command(motor=Setpoint(Mode.TORQUE, 0.05))
+        raise ZeroDivisionError("a bug")
+
+    log = MemoryLog()
+    with pytest.raises(ZeroDivisionError):
+        run_on(sim, broken(), log)
+    assert "confirmed" in log.texts("safe state")[0]
+    assert released(sim)
+
+
+@pytest.mark.parametrize("intent", [SetLock(False), Tare(), Ask("anything")])
+def test_hands_on_the_bench_only_at_zero_torque(sim, intent):
+    def careless() -> Steps:
+        yield SetLock(True)
+        yield Command(motor=Setpoint(Mode.TORQUE, 0.02))
+        yield intent
+
+    outcome = run_on(sim, careless(), MemoryLog())
+    assert isinstance(outcome.error, ConfigError)
+    assert "zero torque" in str(outcome.error)
+
+
+FAULT_CASES = [
+    ("drive-fault", 1, DriveFaultError),
+    ("reboot", 1, RigError),
+    ("mute", 1, RigError),
+    ("mute", 3, RigError),
+    ("mute", 4, RigError),
+    ("short-pdo", 1, RigError),
+    ("short-pdo", 4, RigError),
+]
+
+
+@pytest.mark.parametrize(("fault", "node", "kind"), FAULT_CASES)
+def test_a_fault_in_motion_ends_the_run_with_the_motor_released_and_the_log_kept(fault, node, kind):
+    sim = sim_bench()
+    sim.bench.open()
+    FAULTS[fault].inject(sim.world, node, sim.world.time + 0.2)
+    log = MemoryLog()
+    outcome = run_on(sim, hold_torque(0.05, 2000), log)
+    assert outcome.status in (Status.FAULT, Status.ERROR)
+    assert isinstance(outcome.error, kind)
+    assert outcome.error.exit_code == 3
+    assert 150 <= len(log.samples) < 1000
+    # a mute drive cannot confirm; its own watchdog must then have taken the torque: heartbeat time 0.2 s and its ramp
+    sim.world.advance_to(sim.world.time + 1.0)
+    assert released(sim)
+    assert log.texts("safe state")
+    with contextlib.suppress(RigError):  # what a device no longer answers cannot be restored, and is said
+        sim.bench.close()
+
+
+def test_a_restart_in_motion_is_named_as_such():
+    sim = sim_bench()
+    sim.bench.open()
+    FAULTS["reboot"].inject(sim.world, 1, sim.world.time + 0.2)
+    log = MemoryLog()
+    outcome = run_on(sim, hold_torque(0.05, 2000), log)
+    assert any("restart" in note for note in outcome.error.__notes__)
+    assert any("restart" in event.text for event in log.device_events)
+    with contextlib.suppress(RigError):
+        sim.bench.close()
+
+
+def test_a_refused_mode_is_an_error_and_nothing_moves(sim):
+    FAULTS["refuse-mode"].inject(sim.world, 1, sim.world.time)
+    log = MemoryLog()
+    outcome = run_on(sim, hold_torque(0.05, 100), log)
+    assert isinstance(outcome.error, DriveFaultError)
+    assert "mode" in str(outcome.error)
+    assert sim.plant.truth().motor_torque == 0.0
+
+
+def test_a_bench_that_stops_cycling_is_stopped_by_its_drives(sim):
+    """The program is gone: no cycle, no heartbeat. The drive's own watchdog must take the torque away."""
+    steps = hold_torque(0.05, 10**6)
+
+    class GoneError(BaseException):
+        pass
+
+    log = MemoryLog()
+
+    def vanish(sample: Sample) -> None:
+        if sample.cycle == 300:
+            raise GoneError
+
+    log.on_sample = vanish
+    bench = sim.bench
+    bench.disable = lambda: {}  # nobody is left to disable the drives
+    sim.bench.quick_stop = lambda: {}
+    with pytest.raises(GoneError):
+        run_on(sim, steps, log)
+    del bench.disable, sim.bench.quick_stop
+    assert not released(sim)
+    # heartbeat time 0.2 s, then the quick-stop ramp
+    sim.world.advance_to(sim.world.time + 0.5)
+    assert released(sim)
+
+
+def test_missing_readings_are_absent_from_the_log_and_counted():
+    sim = sim_bench(("missing_cycles = 0", "missing_cycles = 3"))
+    sim.bench.open()
+    dropped = []
+
+    def lose_two(sender, frame):
+        from sim_backend.buses.hooks import Delivery
+
+        if frame.can_id == 0x184 and len(dropped) < 2 and sim.world.time > 0.5:
+            dropped.append(frame)
+            return ()
+        return (Delivery(frame),)
+
+    sim.world.bus.add_hook(lose_two)
+    log = MemoryLog()
+    outcome = run_on(sim, hold_torque(0.01, 1000), log)
+    assert outcome.status is Status.DONE
+    assert outcome.missing == 2
+    assert [sample.output_torque for sample in log.samples].count(None) == 2
+    sim.bench.close()
+
+
+def test_more_missing_readings_than_allowed_end_the_run(sim):
+    from sim_backend.buses.hooks import drop
+
+    log = MemoryLog()
+    log.on_sample = lambda s: sim.world.bus.add_hook(drop(lambda _, f: f.can_id == 0x184)) if s.cycle == 50 else None
+    outcome = run_on(sim, hold_torque(0.01, 1000), log)
+    assert isinstance(outcome.error, CycleError)
+    assert outcome.error.missing == 1
+    assert outcome.error.limit == 0
+
+
+def test_all_devices_that_do_not_answer_are_named_in_one_error():
+    sim = sim_bench()
+    for node in (3, 4):
+        FAULTS["mute"].inject(sim.world, node, 0.0)
+    sim.world.advance_to(0.001)
+    with pytest.raises(NotConnectedError) as caught:
+        sim.bench.open()
+    assert set(caught.value.missing) == {"output_encoder", "torque_sensor"}
+    sim.bench.close()
