@@ -28,6 +28,8 @@ _COMMAND = 0xE0
 _INITIATE_DOWNLOAD, _INITIATE_UPLOAD, _ABORT = 0x20, 0x40, 0x80
 _ANSWERS = {0x20: 0x60, 0x40: 0x40, 0x00: 0x20, 0x60: 0x00}
 """Kind of request to kind of answer: initiate download, initiate upload, download segment, upload segment."""
+_EXPEDITED_AND_SIZE, _EXPEDITED_WITHOUT_SIZE = 0x03, 0x02
+"""Lowest two bits of the answer to an upload request; without size the object's own length holds."""
 
 
 class PumpedSdoClient(SdoClient):
@@ -39,6 +41,7 @@ class PumpedSdoClient(SdoClient):
         self._link = link
         self._clock = clock
         self.timeout = timeout
+        self.length_told = True
         self._multiplexor = bytes(3)
         self._replies: deque[bytes] = deque()
         link.route(0x580 + node_id, self._keep)
@@ -62,6 +65,8 @@ class PumpedSdoClient(SdoClient):
                 if reply[0] == _ABORT and reply[1:4] == self._multiplexor:
                     raise SdoAbortedError(int.from_bytes(reply[4:8], "little"))
                 if reply[0] & _COMMAND == _ANSWERS[kind] and (not initiate or reply[1:4] == self._multiplexor):
+                    if kind == _INITIATE_UPLOAD:
+                        self.length_told = reply[0] & _EXPEDITED_AND_SIZE != _EXPEDITED_WITHOUT_SIZE
                     return reply
             remaining = deadline - self._clock.now()
             if remaining <= 0 or not self._link.pump(remaining):
@@ -98,7 +103,7 @@ class ObjectAccess:
         except SdoError as error:
             raise self._translated(error, f"reading {ref}") from error
         try:
-            return ref.decode(data)
+            return ref.decode(data if self._client.length_told else data[: ref.size])
         except ValueError as error:
             raise DeviceFaultError(self._device, f"answered with a wrong length: {error}", state="") from error
 

@@ -55,6 +55,17 @@ def test_an_expedited_write_is_sent_with_the_length_of_the_object() -> None:
     wire.bus.finish()
 
 
+def test_an_answer_that_does_not_tell_its_length_has_that_of_the_object() -> None:
+    wire = Wire(
+        [
+            (">", 0x601, "40 41 60 00 00 00 00 00", "read 0x6041:00"),
+            ("<", 0x581, "42 41 60 00 37 12 ff ff", "data without size: two bytes count"),
+        ]
+    )
+    assert wire.objects.read(STATUS_WORD) == 0x1237
+    wire.bus.finish()
+
+
 def test_a_segmented_answer_is_joined() -> None:
     wire = Wire(
         [
