@@ -14,7 +14,7 @@ from typing import Protocol
 import can
 
 from sim_backend.buses.hooks import MASTER, Delivery, Hook
-from sim_backend.nodes.frame import Frame, Node
+from sim_backend.nodes.frame import Frame, Node, new_frame
 
 BITRATE = 1_000_000
 """bit/s."""
@@ -57,8 +57,11 @@ class LockstepBus(can.BusABC):
         self.channel_info = "simulated bench, lock-step"
         self._world = world
         self._nodes = tuple(nodes)
+        self._routes: dict[int, tuple[Node, ...]] = {}
+        for node in self._nodes:
+            node.accepts_changed = self._routes.clear
         self._received: deque[can.Message] = deque()
-        self._set_hooks(())
+        self._hooks: tuple[Hook, ...] = ()
         self._delayed: list[tuple[float, int, int, Frame]] = []
         self._delay_count = 0
         super().__init__(channel="lock-step")
@@ -70,7 +73,7 @@ class LockstepBus(can.BusABC):
         if msg.is_fd:
             raise can.CanOperationError(f"frame 0x{msg.arbitration_id:X}: the simulated bus has no CAN FD")
         if not (msg.is_extended_id or msg.is_remote_frame or msg.is_error_frame):
-            self.transmit(MASTER, Frame(msg.arbitration_id, bytes(msg.data)))
+            self.transmit(MASTER, new_frame((msg.arbitration_id, bytes(msg.data))))
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """Give the next frame, or None after `timeout` s of simulated time.
@@ -95,25 +98,33 @@ class LockstepBus(can.BusABC):
             raise can.CanOperationError(f"no frame within {SILENCE_LIMIT:g} s of simulated time")
         return None
 
-    def transmit(self, sender: int, frame: Frame) -> None:
-        """Put one frame on the bus; `sender` is a node id, or MASTER."""
-        work: list[tuple[int, Frame]] = []
-        self._put(sender, frame, work)
+    def transmit(self, sender: int, frame: Frame, *, disturbed: bool = False) -> None:
+        """Put one frame on the bus, and what devices answer; `sender` is a node id, or MASTER.
+
+        Hooks do not see a frame that they have already `disturbed`.
+        """
+        time = self._world.time
+        routes = self._routes
+        work = [(sender, frame)]
         # the list grows while it is walked: answers to answers follow in the order in which they were given
-        for origin, answer in work:
+        for origin, sent in work:
             if len(work) > CASCADE_LIMIT:
                 raise can.CanOperationError(f"bus overload: more than {CASCADE_LIMIT} frames at one instant")
-            self._put(origin, answer, work)
+            for can_id, data in self._disturb(origin, sent) if self._hooks and not disturbed else (sent,):
+                self.bits += _BITS[len(data)]
+                if origin != MASTER:
+                    self._received.append(can.Message(time, can_id, False, data=data))
+                for node in routes[can_id] if can_id in routes else self._route(can_id):
+                    if node.node_id != origin:
+                        for answer in node.on_frame(time, can_id, data):
+                            work.append((node.node_id, answer))
+            disturbed = False
 
     def release(self) -> None:
         """Deliver the delayed frames whose time has come."""
-        now = self._world.time
-        while self._delayed and self._delayed[0][0] <= now:
+        while self._delayed and self._delayed[0][0] <= self._world.time:
             _, _, sender, frame = heapq.heappop(self._delayed)
-            answers: list[tuple[int, Frame]] = []
-            self._deliver(sender, frame, answers)
-            for origin, answer in answers:
-                self.transmit(origin, answer)
+            self.transmit(sender, frame, disturbed=True)
 
     def load(self, seconds: float) -> float:
         """Give the bus load, 0 to 1 and above, if all `bits` so far had been sent within `seconds`."""
@@ -123,15 +134,15 @@ class LockstepBus(can.BusABC):
 
     def add_hook(self, hook: Hook) -> None:
         """Let `hook` disturb the frames from now on."""
-        self._set_hooks((*self._hooks, hook))
+        self._hooks = (*self._hooks, hook)
 
     def remove_hook(self, hook: Hook) -> None:
         """Take a disturbance away again."""
-        self._set_hooks(tuple(other for other in self._hooks if other is not hook))
+        self._hooks = tuple(other for other in self._hooks if other is not hook)
 
     def shutdown(self) -> None:
         """Close the bus for its user; the devices live on."""
-        self._received.clear()
+        self._received = deque(maxlen=0)
         super().shutdown()
 
     def __del__(self) -> None:
@@ -141,11 +152,7 @@ class LockstepBus(can.BusABC):
         """Refuse: a cyclic sender runs on wall-clock time, which this bus does not know."""
         raise can.CanInterfaceNotImplementedError("the simulated lock-step bus has no cyclic sender")
 
-    def _set_hooks(self, hooks: tuple[Hook, ...]) -> None:
-        self._hooks = hooks
-        self._put = self._disturb if hooks else self._deliver
-
-    def _disturb(self, sender: int, frame: Frame, work: list[tuple[int, Frame]]) -> None:
+    def _disturb(self, sender: int, frame: Frame) -> list[Frame]:
         travelling = [Delivery(frame)]
         for hook in self._hooks:
             travelling = [
@@ -158,16 +165,9 @@ class LockstepBus(can.BusABC):
                 self._delay_count += 1
                 due = self._world.time + delivery.delay
                 heapq.heappush(self._delayed, (due, self._delay_count, sender, delivery.frame))
-            else:
-                self._deliver(sender, delivery.frame, work)
+        return [delivery.frame for delivery in travelling if not delivery.delay > 0]
 
-    def _deliver(self, sender: int, frame: Frame, work: list[tuple[int, Frame]]) -> None:
-        can_id, data = frame
-        self.bits += _BITS[len(data)]
-        time = self._world.time
-        if sender != MASTER and not self._is_shutdown:
-            self._received.append(can.Message(time, can_id, False, data=data))
-        for node in self._nodes:
-            if can_id in node.accepts and node.node_id != sender:
-                for answer in node.on_frame(time, can_id, data):
-                    work.append((node.node_id, answer))
+    def _route(self, can_id: int) -> tuple[Node, ...]:
+        listeners = tuple(node for node in self._nodes if can_id in node.accepts)
+        self._routes[can_id] = listeners
+        return listeners

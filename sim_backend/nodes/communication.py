@@ -107,6 +107,7 @@ class CanopenNode:
         self._options = options
         self._out: list[Frame] = []
         self.accepts: dict[int, Callable[[bytes], None]] = {}
+        self.accepts_changed: Callable[[], None] = _nobody_listens
         self._boot_due = 0.0
         self._due = 0.0
         self._sdo = SdoServer(self.dictionary)
@@ -299,6 +300,7 @@ class CanopenNode:
     def _listen(self) -> None:
         """Work out which frames matter now, and what SYNC and ticks move."""
         self.accepts = {}
+        self.accepts_changed()
         self._sync_receive = self._sync_transmit = self._event_transmit = ()
         if self.state is NmtState.INITIALISING:
             return
@@ -329,6 +331,10 @@ class CanopenNode:
             handler(data)
 
         self.accepts[can_id] = both
+
+
+def _nobody_listens() -> None:
+    """Stand in for the bus until the device is on one."""
 
 
 def _node_specs(node_id: int, kind: DeviceType) -> list[ObjectSpec]:

@@ -1,6 +1,6 @@
 """A CAN data frame with an 11-bit identifier, and what the bus asks of a device."""
 
-from collections.abc import Container, Sequence
+from collections.abc import Callable, Container, Sequence
 from functools import partial
 from typing import NamedTuple, Protocol
 
@@ -28,7 +28,10 @@ class Node(Protocol):
 
     @property
     def accepts(self) -> Container[int]:
-        """Identifiers the device listens to now; the bus may keep other frames from it."""
+        """Identifiers the device listens to now; the bus keeps other frames from it."""
+
+    accepts_changed: Callable[[], None]
+    """Set by the bus; the device calls it after each change of `accepts`."""
 
     def on_frame(self, time: float, can_id: int, data: bytes) -> Sequence[Frame]:
         """Hear one frame of another participant; give the frames it makes the device send."""

@@ -23,6 +23,7 @@ class Ticking:
 
     def __init__(self) -> None:
         self.ticks: list[float] = []
+        self.accepts_changed = lambda: None
 
     def on_frame(self, _time: float, _can_id: int, _data: bytes) -> list[Frame]:
         return []
