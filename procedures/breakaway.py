@@ -33,6 +33,9 @@ CROSSING_ERROR = 0.1
 PATH_ERROR = 0.01
 """Standard error of the two-branch path as a share of the travel: friction is not quite constant."""
 
+REST_ERROR = 0.29
+"""Standard error of the angle at rest in counts: anywhere within one, 1/sqrt(12)."""
+
 MOST_CROSSINGS = 300
 """A path of finer resolution is read at this many equidistant angles."""
 
@@ -72,10 +75,11 @@ def find_breakaway(time: Floats, torque: Floats, position: Floats, rest: Floats,
     line, scatter = _ramp(time, torque)
     step = max(resolution, float(x[-1]) / MOST_CROSSINGS)
     crossing_time, level = _crossings(time, x, step)
-    if level.size < FEWEST_CROSSINGS:
+    steps = level.size - 1
+    if steps < FEWEST_CROSSINGS:
         raise DataError(
             "breakaway",
-            f"the motor moved by {x[-1]:.3g} rad, {level.size} steps of its encoder",
+            f"the motor moved by {x[-1]:.3g} rad, {steps} steps of its encoder",
             expected=f"at least {FEWEST_CROSSINGS} steps of {resolution:.3g} rad",
             hint="Let the motor move further (parameter motion).",
         )
@@ -109,6 +113,7 @@ def _ramp(time: Floats, torque: Floats) -> tuple[tuple[float, float], float]:
 def _crossings(time: Floats, x: Floats, step: float) -> tuple[Floats, Floats]:
     """Give the times (m,) at which the path passed the levels (m,) half way between multiples of `step`.
 
+    The first is the rest, known to half a step either way.
     A reading that chatters about a boundary crosses it where half of the readings are past: the readings are sorted.
     """
     path = np.sort(x)
@@ -116,12 +121,14 @@ def _crossings(time: Floats, x: Floats, step: float) -> tuple[Floats, Floats]:
     after = np.searchsorted(path, level)
     before = after - 1
     share = (level - path[before]) / (path[after] - path[before])
-    return time[before] + share * (time[after] - time[before]), level
+    crossed = time[before] + share * (time[after] - time[before])
+    return np.concatenate([time[:1], crossed]), np.concatenate([[0.0], level])
 
 
 def _kink(time: Floats, level: Floats, torque: Floats, step: float) -> tuple[float, float]:
     """Give the instant of the kink and its standard error, s."""
     weight = 1.0 / np.hypot(CROSSING_ERROR * step, PATH_ERROR * level)
+    weight[0] = 1.0 / (REST_ERROR * step)
     chosen = np.unique(np.linspace(0, time.size - 1, CANDIDATES).astype(int))
     grid = time[chosen]
     for _ in range(REFINEMENTS + 1):

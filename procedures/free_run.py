@@ -197,5 +197,5 @@ PROCEDURE = Procedure(
     plan=plan,
     summarise=summarise,
     needs=("motor_position", "motor_torque"),
-    on_abort="The motor torque is ramped to zero and the motor released; it coasts to rest by its friction.",
+    on_abort="The speed is ramped to zero within the bench's ramp time, then the motor is released.",
 )

@@ -130,14 +130,14 @@ def breakaway_measurements(found: Breakaway, direction: str, what: str) -> tuple
             found.torque,
             "N*m",
             found.uncertainty,
-            f"{what} at which the motor runs away, {direction}: kink of a two-branch fit, magnitude",
+            f"{what} at which the motor runs away, {direction}",
         ),
         Measurement(
             f"first_pulse_torque_{direction}",
             found.first_pulse,
             "N*m",
             found.first_pulse_uncertainty,
-            f"{what} at the first encoder pulse, {direction}: depends on the encoder's resolution, magnitude",
+            f"{what} at the first encoder pulse, {direction} (set by the encoder's resolution)",
         ),
     )
 

@@ -3,6 +3,7 @@
 import itertools
 import math
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -215,3 +216,12 @@ def test_the_steps_of_a_run_can_be_started_again(name: str) -> None:
     assert next(first) == next(second)
     first.close()
     second.close()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_page_of_the_docs_names_every_parameter_and_says_what_an_abort_does(name: str) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "procedures" / f"{name}.md").read_text(encoding="utf-8")
+    for info in parameter_table(PROCEDURES[name].parameters):
+        assert f"`{info.name}`" in page
+    for heading in ("**Measures**", "**Set-up.**", "**Results**", "**Abort**"):
+        assert heading in page
