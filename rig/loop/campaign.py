@@ -1,0 +1,108 @@
+"""A campaign: which runs are fitted and which are held out, decided before the first fit.
+
+Runs are the unit; replicates stay on one side; without `--held-out` about a quarter of the runs of each procedure is
+drawn with a seed.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatch
+
+import numpy as np
+
+from drivers.errors import DataError
+from rig.log.run import Run
+from rig.loop.model_file import Model
+
+HELD_OUT_SHARE = 0.25
+"""Share of each procedure's groups that is held out when nothing is said; at least one where there are two."""
+
+
+@dataclass(frozen=True, slots=True)
+class LoopOptions:
+    """`held_out`: patterns of file names; `alpha`: false-alarm probability; `base`: model to start from."""
+
+    held_out: tuple[str, ...] = ()
+    alpha: float = 0.01
+    seed: int = 0
+    base: Model | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Campaign:
+    """Runs to fit and runs to look at once, at the end."""
+
+    train: tuple[Run, ...]
+    held_out: tuple[Run, ...]
+    warnings: tuple[str, ...]
+
+
+def split_runs(runs: Sequence[Run], options: LoopOptions) -> Campaign:
+    """Divide the runs. Raises DataError where nothing is left to fit or to hold out."""
+    names = [run.name for run in runs]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise DataError(twice[0], "two runs have this name", expected="one name a run", hint="Rename one of the files.")
+    if len(runs) < 2:
+        what = names[0] if names else "no run"
+        raise DataError(
+            what,
+            f"{len(runs)} run(s): nothing can be held out",
+            value=len(runs),
+            expected="at least two runs",
+            hint="Record a further run, or cut one recording into runs with [run.split] of the mapping.",
+        )
+    warnings: list[str] = []
+    if options.held_out:
+        train, held_out = _by_pattern(runs, options.held_out, warnings)
+    else:
+        train, held_out = _drawn(runs, options.seed, warnings)
+    for side, word in ((train, "to fit"), (held_out, "to hold out")):
+        if not side:
+            raise DataError(
+                ", ".join(options.held_out) or "campaign",
+                f"no run is left {word}",
+                value=len(runs),
+                expected="runs on both sides",
+                hint="Give --held-out patterns that match some of the runs, but not all: " + ", ".join(names[:8]),
+            )
+    blocks = sum(run.metadata.get("split", "") != "" for run in runs)
+    if blocks:
+        warnings.append(
+            f"Weak hold-out: {blocks} runs are parts of one recording; drift, load and direction are not tested by it."
+        )
+    return Campaign(tuple(train), tuple(held_out), tuple(warnings))
+
+
+def _by_pattern(runs: Sequence[Run], patterns: Sequence[str], warnings: list[str]) -> tuple[list[Run], list[Run]]:
+    def chosen(run: Run) -> bool:
+        return any(fnmatch(run.file.name, p) or fnmatch(run.file.stem, p) or fnmatch(run.name, p) for p in patterns)
+
+    held_out = [run for run in runs if chosen(run)]
+    groups = {run.replicate for run in held_out} - {None}
+    moved = [run for run in runs if run.replicate in groups and not chosen(run)]
+    if moved:
+        names = ", ".join(run.name for run in moved)
+        warnings.append(f"Replicates stay on one side: held out as well: {names}.")
+    out = {run.name for run in (*held_out, *moved)}
+    return [run for run in runs if run.name not in out], [run for run in runs if run.name in out]
+
+
+def _drawn(runs: Sequence[Run], seed: int, warnings: list[str]) -> tuple[list[Run], list[Run]]:
+    rng = np.random.default_rng(seed)
+    out: set[str] = set()
+    for procedure in dict.fromkeys(run.procedure for run in runs):
+        groups: dict[str, list[Run]] = {}
+        for run in runs:
+            if run.procedure is procedure:
+                groups.setdefault(run.replicate or f"run {run.name}", []).append(run)
+        single = [name for name, members in groups.items() if len(members) == 1]
+        several = [name for name, members in groups.items() if len(members) > 1]
+        if len(groups) < 2:
+            continue
+        count = min(max(1, round(HELD_OUT_SHARE * len(groups))), len(groups) - 1)
+        # replicates measure the floor: single runs are held out first
+        order = [single[k] for k in rng.permutation(len(single))] + [several[k] for k in rng.permutation(len(several))]
+        out |= {run.name for name in order[:count] for run in groups[name]}
+    warnings.append(f"Held out (drawn with seed {seed}): {', '.join(sorted(out)) or 'none'}.")
+    return [run for run in runs if run.name not in out], [run for run in runs if run.name in out]

@@ -1,0 +1,100 @@
+"""Is there anything left? What replicates share, and what other shapes the residual follows.
+
+rho: correlation of the 0.5 s-smoothed residuals of a replicate pair. Noise has none, even coloured noise; missing
+physics repeats. Source of the thresholds: synthetic campaigns with 13 repeatable effects (rho > 0.8) and 4 kinds of
+noise (rho < 0.11).
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from rig.config.dut import Dut
+from rig.loop.metrics import Residual, aligned, pairs, quantisation_square
+
+SMOOTHING = 0.5
+"""s."""
+
+NOISE_RHO = 0.15
+EXCESS = 1.1
+"""Repeatable residual counts if the rms exceeds the floor by this factor."""
+
+LAGS = 20
+RATE = 10.0
+"""Ljung-Box: lags, and samples per second to which the residual is averaged before."""
+
+
+@dataclass(frozen=True, slots=True)
+class Repeats:
+    """What replicate pairs of one equation and procedure say.
+
+    `rho`: mean correlation of smoothed residuals; `least_rho`: what noise may reach; `common`: mean square of what
+    the runs of a pair share, `own` of what they do not; `quantisation`: mean square that encoder counts leave, which
+    may repeat as well; `ljung_box`: statistic per lag at 10 Hz.
+    """
+
+    equation: str
+    procedure: str
+    pairs: int
+    rho: float
+    least_rho: float
+    common: float
+    own: float
+    quantisation: float
+    ljung_box: float
+
+    @property
+    def structured(self) -> bool:
+        """Whether a repeatable part stands out of the noise."""
+        material = self.common > max((EXCESS**2 - 1.0) * self.own, self.quantisation)
+        return self.rho > max(NOISE_RHO, self.least_rho) and material
+
+
+def repeats(residuals: Sequence[Residual], dut: Dut, ratio: float | None) -> Repeats | None:
+    """Judge the residuals of one equation and procedure; None without a replicate pair."""
+    rhos, squares, differences, lengths, boxes = [], [], [], [], []
+    for one, two in pairs(residuals):
+        time, a, b = aligned(one, two)
+        if time.size < 50 or not np.any(a) or not np.any(b):
+            continue
+        window = max(1, round(SMOOTHING / one.piece.track.period))
+        x, y = uniform_filter1d(a, window), uniform_filter1d(b, window)
+        x, y = x - x.mean(), y - y.mean()
+        rhos.append(float(x @ y / math.sqrt(float(x @ x) * float(y @ y))))
+        squares.append(float(np.mean(a**2) + np.mean(b**2)) / 2.0)
+        differences.append(float(np.mean((a - b) ** 2)) / 2.0)
+        lengths.append(time.size / window)
+        boxes += [ljung_box(one), ljung_box(two)]
+    if not rhos:
+        return None
+    piece = residuals[0].piece
+    track = piece.track
+    return Repeats(
+        equation=residuals[0].piece.equation.value,
+        procedure=track.procedure.value,
+        pairs=len(rhos),
+        rho=float(np.mean(rhos)),
+        least_rho=3.0 / math.sqrt(sum(lengths)),
+        common=max(float(np.mean(squares)) - float(np.mean(differences)), 0.0),
+        own=float(np.mean(differences)),
+        quantisation=quantisation_square(piece, dut, ratio) or 0.0 if piece.demeaned else 0.0,
+        ljung_box=float(np.mean(boxes)),
+    )
+
+
+def ljung_box(residual: Residual) -> float:
+    """Give the Ljung-Box statistic per lag of the residual averaged to 10 Hz; about 1 for white noise."""
+    width = max(1, round(1.0 / (RATE * residual.piece.track.period)))
+    count = residual.values.size // width
+    if count < 3 * LAGS:
+        return 1.0
+    x = residual.values[: count * width].reshape(count, width).mean(axis=1)
+    x = x - x.mean()
+    power = float(x @ x)
+    if power == 0.0:
+        return 1.0
+    total = sum((float(x[lag:] @ x[:-lag]) / power) ** 2 / (count - lag) for lag in range(1, LAGS + 1))
+    return count * (count + 2) * total / LAGS

@@ -1,0 +1,320 @@
+"""The model of one piece: base law and lines together, and how a further term would act on it.
+
+    torsion        f(T - c_T) + g(M - c_M)/N + e           (28); turning: M without the rotor's own T_cr, b_r
+    backdrive      M = play((T - c_T)/N; T_fb/N) + c_M + M_0
+    free run       M = (T - c_T)/N + sgn(w) T_c + b w + c_M + M_0
+    locked output  T = play(N (M - c_M); N T_fs) + c_T + T_0
+    held still     M = M_0 + c_M;  motion at the output: T = sgn(w) T_co + b_o w + c_T + T_0
+
+c_T and c_M are what the terms add to the output and the motor balance, e what they add to the torsion. No regressor
+contains the channel it predicts: where the angle is the target itself (torsion of a run that does not turn), the
+angle that the model predicts stands in for the measured one; in the locked output torque the play's output stands
+in for the measured torque.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.log.run import ProcedureName
+from rig.loop.equations import Equation, Law, Piece
+from rig.loop.parameters import ParameterTable
+from rig.loop.play import play_path
+from rig.loop.terms import Entry, Line, LineValues, TermClass, line_values
+from rig.loop.tracks import Track
+from sim_backend.model.compliance import (
+    flexspline_stiffness,
+    flexspline_torsion,
+    wave_generator_stiffness,
+    wave_generator_torsion,
+)
+
+Floats = NDArray[np.float64]
+Rows = NDArray[np.intp]
+
+ANGLE_PASSES = 2
+"""Rounds in which the predicted angle takes up what the lines add; an error of 1e-4 rad is then known to 1e-8."""
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """Base parameters in the order of `table`, the lines added to them, and the gear ratio (None: unknown)."""
+
+    table: ParameterTable
+    values: Floats
+    ratio: float | None
+    lines: tuple[Line, ...] = ()
+
+    def value(self, name: str) -> float:
+        """Give one base parameter, SI."""
+        return float(self.values[self.table.names.index(name)])
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """How an addition to a balance reaches the prediction: times `weight` (n,), taken at the samples `rows` (n,).
+
+    `rows` None: at the same sample; a play passes it on only from the last sample at which it slipped.
+    """
+
+    weight: Floats
+    rows: Rows | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """Prediction (n,) of a piece over its whole track.
+
+    `base`: derivative (n,) by base parameter. `angle`: whether an addition to the torsion shows; `motor`, `load`:
+    how additions to the motor and the output balance show. `positions`: the angles that terms may use, by signal.
+    `torque`: output torque by which an angle error acts on the motor. `settled`: no longer depends on the unknown
+    start of a play.
+    """
+
+    value: Floats
+    base: dict[str, Floats]
+    angle: bool
+    motor: Route | None
+    load: Route | None
+    positions: dict[str, Floats]
+    torque: Floats
+    direction: Floats
+    settled: NDArray[np.bool_]
+
+    def columns(self, kind: TermClass, values: LineValues, rows: Rows) -> tuple[Floats, Floats, Floats]:
+        """Give the derivatives at the samples `rows` (m,) by sine, cosine and order of a line of this kind.
+
+        `values`: the line at every sample of the track.
+        """
+        found = []
+        for plain, sloped in (
+            (values.by_sine, values.slope_by_sine),
+            (values.by_cosine, values.slope_by_cosine),
+            (values.by_order, values.slope_by_order),
+        ):
+            column = np.zeros(rows.size)
+            if self.angle and kind.entry.is_angle:
+                column += plain[rows]
+            motor = motor_addition(kind.entry, plain, sloped, self.torque, self.direction)
+            if self.motor is not None and motor is not None:
+                column += _through(self.motor, motor, rows)
+            load = load_addition(kind.entry, plain, self.direction)
+            if self.load is not None and load is not None:
+                column += _through(self.load, load, rows)
+            found.append(column)
+        return found[0], found[1], found[2]
+
+
+def motor_addition(entry: Entry, value: Floats, slope: Floats, torque: Floats, direction: Floats) -> Floats | None:
+    """Give what a term adds to the motor balance (N*m, shape (n,)), None if nothing."""
+    match entry:
+        case Entry.MOTOR:
+            return value
+        case Entry.TORSION:
+            return -torque * slope
+        case Entry.MOTOR_AGAINST_MOTION:
+            return direction * value
+        case _:
+            return None
+
+
+def load_addition(entry: Entry, value: Floats, direction: Floats) -> Floats | None:
+    """Give what a term adds to the output balance (N*m, shape (n,)), None if nothing."""
+    match entry:
+        case Entry.OUTPUT:
+            return value
+        case Entry.OUTPUT_AGAINST_MOTION:
+            return direction * value
+        case _:
+            return None
+
+
+def predict(piece: Piece, model: Model) -> Evaluation:
+    """Evaluate the model for the piece's equation at every sample of its track."""
+    match piece.law:
+        case Law.TORSION:
+            return _torsion(piece.track, model)
+        case Law.BACKDRIVE:
+            return _backdrive(piece.track, model)
+        case Law.LOCKED:
+            return _locked(piece.track, model)
+        case Law.FREE_RUN | Law.HELD:
+            return _motor(piece, model)
+        case Law.OUTPUT_MOTION:
+            return _output(piece.track, model)
+
+
+def _through(route: Route, addition: Floats, rows: Rows) -> Floats:
+    return route.weight[rows] * addition[rows if route.rows is None else route.rows[rows]]
+
+
+def _ratio(model: Model) -> float:
+    if model.ratio is None:
+        raise ValueError("this equation needs the gear ratio")
+    return model.ratio
+
+
+@dataclass(frozen=True, slots=True)
+class _Additions:
+    """Sums over the model's lines, each (n,): to the torsion, to the output balance; values for the motor balance."""
+
+    angle: Floats
+    load: Floats
+    evaluated: tuple[tuple[Entry, LineValues], ...]
+
+    def motor(self, torque: Floats, direction: Floats) -> Floats:
+        total = np.zeros(torque.size)
+        for entry, values in self.evaluated:
+            addition = motor_addition(entry, values.value, values.slope, torque, direction)
+            total = total if addition is None else total + addition
+        return total
+
+
+def _additions(track: Track, model: Model, positions: dict[str, Floats]) -> _Additions:
+    angle, load = np.zeros(track.size), np.zeros(track.size)
+    evaluated = []
+    for line in model.lines:
+        position = positions.get(line.kind.variable)
+        if position is None:
+            continue
+        values = line_values(line, position)
+        evaluated.append((line.kind.entry, values))
+        if line.kind.entry.is_angle:
+            angle = angle + values.value
+        addition = load_addition(line.kind.entry, values.value, track.direction)
+        load = load if addition is None else load + addition
+    return _Additions(angle, load, tuple(evaluated))
+
+
+def _positions(track: Track, ratio: float | None) -> dict[str, Floats]:
+    """Give the measured angles; one that was not recorded follows from the other through the gear."""
+    found = {}
+    if track.motor_position is not None:
+        found["motor_position"] = track.motor_position
+        if track.output_position is None and ratio is not None:
+            found["output_position"] = -track.motor_position / ratio
+    if track.output_position is not None:
+        found["output_position"] = track.output_position
+    return found
+
+
+def _everywhere(track: Track) -> NDArray[np.bool_]:
+    return np.ones(track.size, dtype=bool)
+
+
+def _torsion(track: Track, model: Model) -> Evaluation:
+    """Evaluate (28); where the angle must be predicted, first without the lines, then with them."""
+    N = _ratio(model)
+    if track.moves:
+        return _torsion_at(track, model, _positions(track, N))
+    value = _torsion_at(track, Model(model.table, model.values, N), {}).value
+    for _ in range(ANGLE_PASSES if model.lines else 0):
+        value = _torsion_at(track, model, _predicted_positions(track, value, N)).value
+    return _torsion_at(track, model, _predicted_positions(track, value, N))
+
+
+def _predicted_positions(track: Track, torsion: Floats, N: float) -> dict[str, Floats]:
+    """Give theta_m = N (torsion - theta_o) about the run's mean angles; in a backdrive the motor is held."""
+    motor, output = track.motor_position, track.output_position
+    if motor is None or output is None:
+        raise ValueError("torsion needs both positions")
+    held = track.procedure is ProcedureName.BACKDRIVE
+    wound = np.zeros(track.size) if held else N * (torsion - float(torsion.mean()))
+    return {
+        "motor_position": float(motor.mean()) + wound,
+        "output_position": np.full(track.size, float(output.mean())),
+    }
+
+
+def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Evaluation:
+    N = _ratio(model)
+    K_F0, C_F, K_w0, C_w = (model.value(name) for name in ("K_F0", "C_F", "K_w0", "C_w"))
+    additions = _additions(track, model, positions)
+    T = _load(track) - additions.load
+    compliance = 1.0 / flexspline_stiffness(T, K_F0, C_F)
+    flexspline = flexspline_torsion(T, K_F0, C_F)
+    value = additions.angle + flexspline
+    base: dict[str, Floats] = {}
+    if track.T is not None or np.any(additions.load):
+        base = {"K_F0": -flexspline / K_F0, "C_F": (T * compliance - flexspline) / C_F}
+    route = None
+    if track.M is not None:
+        if track.moves:  # averaged over a turn: what acts on the rotor alone is no longer in it
+            M = track.M - np.sign(track.speed) * model.value("T_cr") - track.speed * model.value("b_r")
+        else:
+            M = track.M - additions.motor(T, track.direction)
+        wound = wave_generator_torsion(M, K_w0, C_w) / N
+        softness = 1.0 / (wave_generator_stiffness(M, K_w0, C_w) * N)
+        value = value + wound
+        base["K_w0"] = -wound / K_w0
+        base["C_w"] = (M * softness - wound) / C_w
+        if track.moves:
+            base["T_cr"] = -softness * np.sign(track.speed)
+            base["b_r"] = -softness * track.speed
+        route = None if track.moves else Route(-softness)
+    return Evaluation(value, base, True, route, Route(-compliance), positions, T, track.direction, _everywhere(track))
+
+
+def _load(track: Track) -> Floats:
+    return np.zeros(track.size) if track.T is None else track.T
+
+
+def _backdrive(track: Track, model: Model) -> Evaluation:
+    N = _ratio(model)
+    positions = _positions(track, N)
+    additions = _additions(track, model, positions)
+    T = (np.zeros(track.size) if track.play_load is None else track.play_load) - additions.load
+    ones = np.ones(track.size)
+    path = play_path(T / N, model.value("T_fb") / N)
+    value = path.output + additions.motor(T, track.direction) + model.value("M_0")
+    base = {"T_fb": -path.side / N, "M_0": ones}
+    carried = Route(np.where(path.slip >= 0, -1.0 / N, 0.0), np.maximum(path.slip, 0))
+    return Evaluation(value, base, False, Route(ones), carried, positions, T, track.direction, path.settled)
+
+
+def _locked(track: Track, model: Model) -> Evaluation:
+    N = _ratio(model)
+    positions = _positions(track, N)
+    additions = _additions(track, model, positions)
+    M = np.zeros(track.size) if track.play_drive is None else track.play_drive
+    radius = N * model.value("T_fs")
+    stand_in = play_path(N * M, radius).output
+    path = play_path(N * (M - additions.motor(stand_in, track.direction)), radius) if model.lines else None
+    path = path or play_path(N * M, radius)
+    ones = np.ones(track.size)
+    value = path.output + additions.load + model.value("T_0")
+    base = {"T_fs": -N * path.side, "T_0": ones}
+    carried = Route(np.where(path.slip >= 0, -N, 0.0), np.maximum(path.slip, 0))
+    return Evaluation(value, base, False, carried, Route(ones), positions, stand_in, track.direction, path.settled)
+
+
+def _motor(piece: Piece, model: Model) -> Evaluation:
+    track = piece.track
+    current = piece.equation is Equation.MOTOR_CURRENT
+    coulomb, viscous, constant = ("i_c", "i_v", "i_0") if current else ("T_c", "b", "M_0")
+    positions = _positions(track, model.ratio)
+    additions = _additions(track, model, positions)
+    T = _load(track) - additions.load
+    ones = np.ones(track.size)
+    value = additions.motor(T, track.direction) + model.value(constant)
+    base = {constant: ones}
+    load = None
+    if piece.law is Law.FREE_RUN:
+        sign = np.sign(track.speed)
+        value = value + sign * model.value(coulomb) + track.speed * model.value(viscous)
+        base[coulomb], base[viscous] = sign, track.speed
+        if model.ratio is not None and not current:
+            value = value + T / model.ratio
+            load = Route(-ones / model.ratio)
+    return Evaluation(value, base, False, Route(ones), load, positions, T, track.direction, _everywhere(track))
+
+
+def _output(track: Track, model: Model) -> Evaluation:
+    positions = _positions(track, model.ratio)
+    additions = _additions(track, model, positions)
+    sign, ones = np.sign(track.speed), np.ones(track.size)
+    value = additions.load + sign * model.value("T_co") + track.speed * model.value("b_o") + model.value("T_0")
+    base = {"T_co": sign, "b_o": track.speed, "T_0": ones}
+    nothing = np.zeros(track.size)
+    return Evaluation(value, base, False, None, Route(ones), positions, nothing, track.direction, _everywhere(track))

@@ -1,0 +1,102 @@
+"""The fitted model as a file, `model.json` (schema `rig.model/1`): device, base model, effects, runs, version."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, ValidationError
+
+from drivers.errors import ConfigError, Mistake
+from rig.config.dut import Dut
+from rig.config.toml_file import FileModel
+
+MAX_BYTES = 5_000_000
+
+Whole = Annotated[float, Field(strict=False)]
+"""A number; JSON writes 100.0 as it likes."""
+
+
+class ModelEstimate(FileModel):
+    """A value with its 95 % interval (null: none) and unit."""
+
+    value: Whole
+    ci95: tuple[Whole, Whole] | None = Field(default=None, strict=False)
+    unit: str
+
+
+class ModelLine(FileModel):
+    """One line: cycles per revolution of the variable, amplitude in the term's unit, phase rad."""
+
+    order: Whole
+    amplitude: Whole
+    phase: Whole
+
+
+class ModelEffect(FileModel):
+    """One effect: id, where it acts, its variable and lines, and its parameters with intervals."""
+
+    effect: str
+    enters: str
+    variable: str
+    shape: str
+    lines: tuple[ModelLine, ...] = Field(default=(), strict=False)
+    parameters: dict[str, ModelEstimate]
+
+
+class ModelBase(FileModel):
+    """Base model by name, ratio (null: unknown) and parameters.
+
+    `zhang-2014`: compliance (24), (27) and play friction of Zhang, Ahmad & Liu 2014, with Coulomb and viscous running
+    friction.
+    """
+
+    model: Literal["zhang-2014"]
+    ratio: Whole | None
+    parameters: dict[str, ModelEstimate]
+
+
+class Model(FileModel):
+    """The content of `model.json`."""
+
+    schema_: Literal["rig.model/1"] = Field(alias="schema")
+    dut: Dut
+    base: ModelBase
+    effects: tuple[ModelEffect, ...] = Field(default=(), strict=False)
+    runs: tuple[str, ...] = Field(default=(), strict=False)
+    software: str
+
+    def dut_text(self) -> str:
+        """Give the device as the text of a dut file."""
+        lines = [f"name = {json.dumps(self.dut.name)}"]
+        for table, content in self.dut.model_dump(mode="json", exclude={"name"}, exclude_none=True).items():
+            lines.append(f"[{table}]")
+            lines += [f"{key} = {json.dumps(value)}" for key, value in content.items()]
+        return "\n".join(lines) + "\n"
+
+
+def write_model(model: Model, path: Path) -> None:
+    """Write the file; what was there is replaced."""
+    text = json.dumps(model.model_dump(mode="json", by_alias=True), indent=2, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8")
+
+
+def load_model(path: Path) -> Model:
+    """Read the file. Raises ConfigError with every mistake and its path."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise ConfigError(str(path), [Mistake("file", path.name, error.strerror or str(error))]) from error
+    if len(data) > MAX_BYTES:
+        raise ConfigError(str(path), [Mistake("file", f"{len(data)} bytes", f"at most {MAX_BYTES} bytes")])
+    try:
+        content = json.loads(data.decode("utf-8-sig"))
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        raise ConfigError(str(path), [Mistake("JSON", path.name, str(error) or "nested too deeply")]) from error
+    try:
+        return Model.model_validate(content)
+    except ValidationError as error:
+        mistakes = [
+            Mistake(".".join(str(part) for part in item["loc"]) or "file", item.get("input"), item["msg"])
+            for item in error.errors(include_url=False)
+        ]
+        raise ConfigError(str(path), mistakes, hint="Write it anew with `rig loop`.") from error

@@ -1,0 +1,149 @@
+"""What stays open: structure without an accepted term, base parameters off their catalogue values.
+
+Silence is not "no effect": a residual that repeats between replicates, or follows a shape that no accepted term has,
+is reported as `untraced` with its evidence.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+
+from rig.config.dut import Dut
+from rig.loop.evidence import Repeats, repeats
+from rig.loop.metrics import Residual
+from rig.loop.parameters import flexspline_from_catalogue
+from rig.loop.report_steps import base_estimates
+from rig.loop.result import EquationResult, NextExperiment, Open, Verdict
+from rig.loop.rivals import rivals_of_an_angle
+from rig.loop.select import LEAST_IMPROVED, Selection
+from rig.loop.trial import prepare
+
+STIFFNESS_DEVIATION = 0.10
+"""Relative deviation of K_F0 from the catalogue beyond which a quotient group is at work."""
+
+STIFFNESS_GROUP = ("fixture-compliance", "flexspline-compliance", "torque-constant-error", "torque-sensor-gain")
+
+LEAST_SHAPE_SHARE = 0.02
+"""Share of the torsion's squares that a shape must explain to be evidence."""
+
+
+def open_statements(
+    selection: Selection, residuals: Sequence[Residual], equations: Mapping[str, EquationResult], dut: Dut
+) -> tuple[Open, ...]:
+    """Give everything that stays open after the selection. `residuals`: after, of the training runs."""
+    found = [*_repeating(residuals, selection, dut), *_shapes(selection), *_worse(selection, equations)]
+    return (*found, *_absorbed(selection, dut))
+
+
+def _repeating(residuals: Sequence[Residual], selection: Selection, dut: Dut) -> list[Open]:
+    groups: dict[tuple[str, str], list[Residual]] = {}
+    for residual in residuals:
+        piece = residual.piece
+        groups.setdefault((piece.equation.value, piece.track.procedure.value), []).append(residual)
+    ratio = selection.fit.model.ratio
+    judged = [repeats(members, dut, ratio) for members in groups.values()]
+    return [_untraced(item) for item in judged if item is not None and item.structured]
+
+
+def _untraced(item: Repeats) -> Open:
+    return Open(
+        verdict=Verdict.UNTRACED,
+        evidence={
+            "equation": item.equation,
+            "procedure": item.procedure,
+            "rho": item.rho,
+            "replicate_pairs": item.pairs,
+            "rms_repeating": math.sqrt(item.common),
+            "rms_not_repeating": math.sqrt(item.own),
+            "ljung_box_per_lag": item.ljung_box,
+            "meaning": "the residual repeats between replicates, but no term explains it",
+        },
+        next_experiment=NextExperiment(
+            "See at which rates, amplitudes and angles the residual changes.",
+            f"rig run {item.procedure}",
+        ),
+    )
+
+
+def _shapes(selection: Selection) -> list[Open]:
+    """Report the torsion shape that explains most of what is left, if it is no chance."""
+    trials = [
+        trial
+        for trial in rivals_of_an_angle(prepare(selection.fit), 2.0)
+        if trial.single_p < 1e-4
+        and trial.share >= LEAST_SHAPE_SHARE
+        and trial.improved >= LEAST_IMPROVED
+        and trial.pays > 0.0
+    ]
+    if not trials:
+        return []
+    best = max(trials, key=lambda trial: trial.gain)
+    near = sorted(trial.label for trial in trials if trial.gain >= 0.9 * best.gain)
+    return [
+        Open(
+            verdict=Verdict.UNTRACED,
+            group=tuple(near),
+            evidence={
+                "equation": "torsion",
+                "looks_like": near,
+                "share_of_squares": best.share,
+                "p_value": best.single_p,
+                "meaning": "the residual follows a shape that is not added by this version",
+            },
+        )
+    ]
+
+
+def _worse(selection: Selection, equations: Mapping[str, EquationResult]) -> list[Open]:
+    """Lower the verdict if what was added makes the held-out runs worse."""
+    worse = {
+        name: item.held_out
+        for name, item in equations.items()
+        if selection.decisions
+        and item.held_out is not None
+        and item.held_out.rms_after > 1.02 * item.held_out.rms_before
+    }
+    return [
+        Open(
+            verdict=Verdict.UNTRACED,
+            evidence={
+                "equation": name,
+                "held_out_rms_before": found.rms_before,
+                "held_out_rms_after": found.rms_after,
+                "meaning": "what was added on the training runs makes the held-out runs worse",
+            },
+        )
+        for name, found in worse.items()
+    ]
+
+
+def _absorbed(selection: Selection, dut: Dut) -> list[Open]:
+    gear = dut.gear
+    if gear.K1 is None or gear.K2 is None or gear.T1 is None or gear.T2 is None:
+        return []
+    estimate = base_estimates(selection.fit).get("K_F0")
+    if estimate is None or estimate.ci95 is None:
+        return []
+    catalogue, _ = flexspline_from_catalogue(gear.K1, gear.K2, gear.T1, gear.T2)
+    deviation = estimate.value / catalogue - 1.0
+    low, high = estimate.ci95
+    if abs(deviation) < STIFFNESS_DEVIATION or low <= catalogue <= high:
+        return []
+    return [
+        Open(
+            verdict=Verdict.ABSORBED,
+            group=STIFFNESS_GROUP,
+            parameter="K_F0",
+            deviation=deviation,
+            evidence={
+                "fitted": estimate.value,
+                "catalogue": catalogue,
+                "unit": "N*m/rad",
+                "meaning": "these runs cannot separate the members of the group",
+            },
+            next_experiment=NextExperiment(
+                "Dead weights on a lever test the torque sensor, a gauge on the fixture its compliance; a backdrive "
+                "does not see the fixture.",
+                "rig run backdrive",
+            ),
+        )
+    ]

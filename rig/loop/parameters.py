@@ -1,0 +1,109 @@
+"""Base parameters: start values and priors scaled from the device under test, and which are estimated on a log scale.
+
+Catalogue figures are priors and starting values, never limits. Source of the estimates: Zhang, Ahmad & Liu 2014,
+(31)-(35) with the errata of (32) corrected.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.config.dut import Dut
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class BaseParameter:
+    """One base parameter: unit, start value, prior standard deviation (relative if `logarithmic`)."""
+
+    name: str
+    unit: str
+    start: float
+    spread: float
+    logarithmic: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterTable:
+    """All base parameters, in the order of the vectors that hold them."""
+
+    entries: tuple[BaseParameter, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names in order."""
+        return tuple(entry.name for entry in self.entries)
+
+    def start(self) -> Floats:
+        """Start values, SI, shape (p,)."""
+        return np.array([entry.start for entry in self.entries])
+
+    def logarithmic(self) -> NDArray[np.bool_]:
+        """Which are positive and estimated as logarithms, shape (p,)."""
+        return np.array([entry.logarithmic for entry in self.entries])
+
+    def prior_weight(self) -> Floats:
+        """1/variance of the prior in the scale of the fit, shape (p,)."""
+        return np.array([1.0 / entry.spread**2 for entry in self.entries])
+
+    def with_start(self, values: Mapping[str, float]) -> "ParameterTable":
+        """Give the same table with other start values where `values` has them."""
+        return ParameterTable(
+            tuple(
+                BaseParameter(e.name, e.unit, values.get(e.name, e.start), e.spread, e.logarithmic)
+                for e in self.entries
+            )
+        )
+
+
+TYPICAL_RATIO = 100.0
+TYPICAL_STIFFNESS_TORQUES = (8.4e3, 9.4e3, 3.9, 12.0)
+"""K1, K2 (N*m/rad), T1, T2 (N*m) of a size-17 drive: starting values where the dut file has none."""
+
+
+def parameter_table(dut: Dut, ratio: float | None) -> ParameterTable:
+    """Give start values and priors for this device. `ratio`: given or estimated; None: a typical one scales starts."""
+    N = ratio or TYPICAL_RATIO
+    gear = dut.gear
+    K1 = gear.K1 or TYPICAL_STIFFNESS_TORQUES[0]
+    rated = gear.rated_torque or 16.0
+    T1 = gear.T1 or TYPICAL_STIFFNESS_TORQUES[2] * rated / 16.0
+    T2 = gear.T2 or TYPICAL_STIFFNESS_TORQUES[3] * rated / 16.0
+    K2 = gear.K2 or K1 * TYPICAL_STIFFNESS_TORQUES[1] / TYPICAL_STIFFNESS_TORQUES[0]
+    K_F0, C_F = flexspline_from_catalogue(K1, K2, T1, T2)
+    T_fs = gear.starting_torque or 1e-3 * rated * 0.75
+    loss = gear.hysteresis_loss or 1.8e-4
+    known = 0.3 if gear.K1 is not None and gear.K2 is not None else 1.5
+    return ParameterTable(
+        (
+            BaseParameter("K_F0", "N*m/rad", K_F0, known, True),
+            BaseParameter("C_F", "1/(N*m)", C_F, 2.0 * known, True),
+            BaseParameter("K_w0", "N*m/rad", 2.0 * T_fs / (N * loss), 1.0, True),
+            BaseParameter("C_w", "1/(N*m)", 1.0 / T_fs, 1.0, True),
+            BaseParameter("T_fs", "N*m", T_fs, 1.5, True),
+            BaseParameter("T_fb", "N*m", gear.backdriving_torque or 1.5 * N * T_fs, 1.5, True),
+            BaseParameter("T_cr", "N*m", 0.0, 0.5 * T_fs, False),
+            BaseParameter("b_r", "N*m*s", 0.0, 1e-2 * T_fs, False),
+            BaseParameter("T_c", "N*m", T_fs, 1e3 * T_fs, False),
+            BaseParameter("b", "N*m*s", 0.0, 1e3 * T_fs, False),
+            BaseParameter("M_0", "N*m", 0.0, 1e3 * T_fs, False),
+            BaseParameter("i_c", "A", 0.0, 1e3, False),
+            BaseParameter("i_v", "A*s", 0.0, 1e3, False),
+            BaseParameter("i_0", "A", 0.0, 1e3, False),
+            BaseParameter("T_co", "N*m", 0.0, 1e3 * rated, False),
+            BaseParameter("b_o", "N*m*s", 0.0, 1e3 * rated, False),
+            BaseParameter("T_0", "N*m", 0.0, 1e3 * rated, False),
+        )
+    )
+
+
+def flexspline_from_catalogue(K1: float, K2: float, T1: float, T2: float) -> tuple[float, float]:
+    """Give K_F0 (31) and C_F (32) for stiffnesses N*m/rad at torques N*m; a softening drive starts nearly linear."""
+    K_F0 = K1 + (K1 - K2) * T1**2 / ((T1 + T2) ** 2 - T1**2)
+    if K2 <= K1 or K_F0 <= 0:
+        return K1, 0.1 / T2
+    return K_F0, 2.0 * math.sqrt((K2 - K1) / (K1 * (T1 + T2) ** 2 - K2 * T1**2))

@@ -1,0 +1,40 @@
+"""The play operator as the fit needs it: output, where it slips, and from when its start no longer matters."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_backend.model.friction import play
+
+Floats = NDArray[np.float64]
+
+AT_THE_WALL = 1e-9
+"""Distance from the wall, relative to the radius, at which the play counts as slipping."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlayPath:
+    """Output of a play of +-`radius`, shape (n,).
+
+    `slip`: index of the last sample at which the play slipped, -1 before the first; an output follows a change of
+    its input only through that sample. `side`: +1 where it slipped with a rising input, -1 with a falling one, 0
+    before the first. `settled`: the output no longer depends on the unknown start.
+    """
+
+    output: Floats
+    slip: NDArray[np.intp]
+    side: Floats
+    settled: NDArray[np.bool_]
+
+
+def play_path(inputs: Floats, radius: float) -> PlayPath:
+    """Follow `inputs` (n,) from the equilibrium of a drive that was at rest without torque before."""
+    output = play(inputs, radius)
+    first = float(inputs[0])
+    spread = play(inputs, radius, start=first + radius) - play(inputs, radius, start=first - radius)
+    away = inputs - output
+    slips = np.abs(away) >= radius * (1.0 - AT_THE_WALL)
+    slip = np.maximum.accumulate(np.where(slips, np.arange(inputs.size), -1))
+    side = np.where(slip >= 0, np.sign(away[np.maximum(slip, 0)]), 0.0)
+    return PlayPath(output, slip, side, spread <= AT_THE_WALL * radius)

@@ -1,0 +1,94 @@
+"""Evaluate a model on runs: prediction and residual of every equation that a run allows, one CSV file a run."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.log.names import safe_name
+from rig.log.run import Run
+from rig.loop.checks import check_gear
+from rig.loop.equations import pieces_of, target_of
+from rig.loop.model import Model, predict
+from rig.loop.model_file import Model as ModelFile
+from rig.loop.trace import start_model
+from rig.loop.tracks import make_track
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """Prediction and residual (n,) of one equation of one run, in `unit`.
+
+    `settling`: 1 where the sample is outside the legs of constant speed, was masked, or still depends on the
+    unknown start of a play, else 0.
+    """
+
+    equation: str
+    column: str
+    unit: str
+    predicted: Floats
+    residual: Floats
+    settling: NDArray[np.bool_]
+
+
+def model_of_file(model: ModelFile) -> Model:
+    """Give the model that a file describes."""
+    return start_model(model.dut, model.base.ratio, model)
+
+
+def predict_run(run: Run, model: ModelFile) -> tuple[Prediction, ...]:
+    """Predict every equation that the run allows. Raises DataError where the device contradicts the run.
+
+    The run's own constant of an angle is removed; the predicted value never uses the channel it predicts.
+    """
+    track = make_track(run, model.dut)
+    check_gear([track], model.dut)
+    computed = model_of_file(model)
+    sense = -1.0 if model.dut.gear.rotation.value == "same" else 1.0
+    found = []
+    for piece in pieces_of(track, computed.ratio):
+        evaluation = predict(piece, computed)
+        target = target_of(piece, computed.ratio)
+        counted = np.zeros(track.size, dtype=bool)
+        counted[piece.index] = evaluation.settled[piece.index]
+        if not counted.any():
+            counted[piece.index] = True
+        predicted = evaluation.value
+        if piece.demeaned:
+            predicted = predicted + float(np.mean(target[counted] - predicted[counted]))
+        sign = sense if piece.equation.value.startswith("motor") else 1.0
+        found.append(
+            Prediction(
+                equation=piece.equation.value,
+                column=piece.equation.column,
+                unit=piece.equation.unit,
+                predicted=sign * predicted,
+                residual=sign * (target - predicted),
+                settling=~counted,
+            )
+        )
+    return tuple(found)
+
+
+def write_predictions(runs: Sequence[Run], model: ModelFile, folder: Path) -> tuple[Path, ...]:
+    """Write `<run>.csv` for every run; give the files. Raises DataError as `predict_run`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for run in runs:
+        predictions = predict_run(run, model)
+        columns = [run.time]
+        names = ["time[s]"]
+        for item in predictions:
+            columns += [item.predicted, item.residual]
+            names += [f"{item.column}_predicted[{item.unit}]", f"{item.column}_residual[{item.unit}]"]
+        for item in predictions:
+            columns.append(item.settling.astype(float))
+            names.append(f"{item.column}_settling[1]")
+        path = folder / f"{safe_name(run.name)}.csv"
+        np.savetxt(path, np.column_stack(columns), fmt="%.10g", delimiter=",", header=",".join(names), comments="")
+        written.append(path)
+    return tuple(written)

@@ -1,0 +1,175 @@
+"""From the fit to the statements of the result: steps with intervals, model file, open statements."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.config.dut import Dut
+from rig.loop.equations import Equation
+from rig.loop.fit import Fit, covariance, quantile
+from rig.loop.frames import turned, wrapped
+from rig.loop.model_file import Model, ModelBase, ModelEffect, ModelEstimate, ModelLine
+from rig.loop.result import Estimate, LineResult, NextExperiment, Shift, Step, Verdict
+from rig.loop.select import Decision
+from rig.loop.terms import Entry, Line
+
+Floats = NDArray[np.float64]
+
+SHAPES = {
+    Entry.MOTOR_AGAINST_MOTION: "product",
+    Entry.OUTPUT_AGAINST_MOTION: "product",
+}
+
+
+def steps_of(
+    decisions: Sequence[Decision],
+    final: Fit,
+    base: Fit,
+    dut: Dut,
+    held_out: Mapping[str, tuple[float, float]],
+) -> tuple[Step, ...]:
+    """Give one step per class that was added, its lines joined, with 95 % intervals."""
+    spread, factor = covariance(final), quantile(final)
+    made = []
+    for decision in decisions:
+        numbers = [n for n, line in enumerate(final.model.lines) if line.kind == decision.kind]
+        numbers.sort(key=lambda n: -final.model.lines[n].amplitude)
+        equation = primary_equation(decision, final)
+        parameters: dict[str, Estimate] = {}
+        lines = []
+        for rank, number in enumerate(numbers, start=1):
+            line = final.model.lines[number]
+            shown = turned(line, dut)
+            suffix = "" if rank == 1 else f"_{rank}"
+            columns = spread[final.columns.of_line(number), final.columns.of_line(number)]
+            estimates = line_estimates(line, shown, columns, factor, equation.unit, _index_error(final, line, dut))
+            parameters |= {name + suffix: value for name, value in estimates.items()}
+            lines.append(LineResult(line.order, line.amplitude, wrapped(shown.phase)))
+        made.append(
+            Step(
+                verdict=decision.verdict,
+                effect=decision.effect,
+                members=decision.members,
+                variable=decision.kind.variable,
+                shape=SHAPES.get(decision.kind.entry, "periodic"),
+                lines=tuple(lines),
+                equation=equation.value,
+                parameters=parameters,
+                candidates=decision.candidates,
+                p_value=decision.p_value,
+                held_out=held_out,
+                shift=shifts(base, final),
+                next_experiment=separating_experiment(decision) if decision.verdict is Verdict.AMBIGUOUS else None,
+            )
+        )
+    return tuple(made)
+
+
+def primary_equation(decision: Decision, final: Fit) -> Equation:
+    """Give the equation in which the term is reported: the one of its balance that the logs allow."""
+    present = {item.piece.equation for item in final.linear}
+    wanted = decision.kind.entry.equation
+    if wanted in present:
+        return wanted
+    for other in (Equation.MOTOR_CURRENT, Equation.MOTOR_TORQUE, Equation.OUTPUT_TORQUE):
+        if other in present:
+            return other
+    return wanted
+
+
+def _index_error(final: Fit, line: Line, dut: Dut) -> float:
+    """Give the standard deviation (rad) of the phase that comes from finding each run's zero to one count only."""
+    motor = line.kind.variable == "motor_position"
+    counts = dut.motor.encoder_counts if motor else dut.output.encoder_counts
+    runs = len({item.piece.track.name for item in final.linear})
+    return 0.0 if counts is None else line.order * 2.0 * math.pi / counts / math.sqrt(12.0 * runs)
+
+
+def line_estimates(
+    line: Line, shown: Line, columns: Floats, factor: float, unit: str, index_error: float
+) -> dict[str, Estimate]:
+    """Give amplitude, order (unless fixed) and phase with intervals from the covariance (2, 2) or (3, 3)."""
+    size = max(line.amplitude, 1e-300)
+    by_amplitude = np.zeros(columns.shape[0])
+    by_phase = np.zeros(columns.shape[0])
+    by_amplitude[:2] = line.sine / size, line.cosine / size
+    by_phase[:2] = -line.cosine / size**2, line.sine / size**2
+    half = factor * math.sqrt(max(float(by_amplitude @ columns @ by_amplitude), 0.0))
+    turn = factor * math.sqrt(max(float(by_phase @ columns @ by_phase), 0.0) + index_error**2)
+    phase = wrapped(shown.phase)
+    found = {"amplitude": Estimate(line.amplitude, (line.amplitude - half, line.amplitude + half), unit)}
+    if columns.shape[0] == 3:
+        wide = factor * math.sqrt(max(float(columns[2, 2]), 0.0))
+        found["order"] = Estimate(line.order, (line.order - wide, line.order + wide), "1/rev")
+    found["phase"] = Estimate(phase, (phase - turn, phase + turn), "rad")
+    return found
+
+
+def base_estimates(final: Fit) -> dict[str, Estimate]:
+    """Give the base parameters that the data touched, with intervals."""
+    spread, factor = covariance(final), quantile(final)
+    found = {}
+    for number, name in enumerate(final.columns.base):
+        entry = final.model.table.entries[final.model.table.names.index(name)]
+        value = final.model.value(name)
+        half = factor * math.sqrt(max(float(spread[number, number]), 0.0))
+        if entry.logarithmic:
+            interval = (value * math.exp(-min(half, 50.0)), value * math.exp(min(half, 50.0)))
+        else:
+            interval = (value - half, value + half)
+        found[name] = Estimate(value, interval, entry.unit)
+    return found
+
+
+def shifts(base: Fit, final: Fit) -> dict[str, Shift]:
+    """Give how every fitted base parameter moved from `base` to `final`."""
+    units = {entry.name: entry.unit for entry in final.model.table.entries}
+    return {
+        name: Shift(base.model.value(name), final.model.value(name), units[name])
+        for name in final.columns.base
+        if name in base.columns.base
+    }
+
+
+def model_of(final: Fit, steps: Sequence[Step], kinds: Sequence[Entry], dut: Dut, software: str) -> Model:
+    """Give the content of `model.json`."""
+    runs = tuple(dict.fromkeys(item.piece.track.name for item in final.linear))
+    parameters = {name: _as_model(value) for name, value in base_estimates(final).items()}
+    effects = tuple(
+        ModelEffect(
+            effect=step.effect,
+            enters=entry.value,
+            variable=step.variable,
+            shape=step.shape,
+            lines=tuple(ModelLine(order=x.order, amplitude=x.amplitude, phase=x.phase) for x in step.lines),
+            parameters={name: _as_model(value) for name, value in step.parameters.items()},
+        )
+        for step, entry in zip(steps, kinds, strict=True)
+    )
+    base = ModelBase(model="zhang-2014", ratio=final.model.ratio, parameters=parameters)
+    return Model(schema="rig.model/1", dut=dut, base=base, effects=effects, runs=runs, software=software)
+
+
+def _as_model(estimate: Estimate) -> ModelEstimate:
+    return ModelEstimate(value=estimate.value, ci95=estimate.ci95, unit=estimate.unit)
+
+
+def separating_experiment(decision: Decision) -> NextExperiment:
+    """Give the run that separates the members of an ambiguous set."""
+    members = set(decision.members)
+    if "motor-encoder-eccentricity" in members:
+        return NextExperiment(
+            "The encoder's own error turns with the encoder: re-clock it against the wave generator and run again.",
+            "rig run free-run --set free-run.turns=2",
+        )
+    if "position-dependent-friction" in members:
+        return NextExperiment(
+            "Friction flips with the direction, a detent torque does not: turn slowly in both directions.",
+            "rig run free-run --set free-run.turns=2 --set free-run.repeats=2",
+        )
+    return NextExperiment(
+        "An angle error follows the wave generator, a stiffness follows the torque: start from several angles.",
+        "rig run locked-output free-run --set locked-output.start_angles=8",
+    )

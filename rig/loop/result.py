@@ -1,0 +1,275 @@
+"""What the loop found: frozen records, and the file `loop.json` (schema `rig.loop/1`).
+
+Before is the base model refitted without the effects, after is base and effects refitted together.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.loop.model_file import Model
+
+SCHEMA = "rig.loop/1"
+
+Json: TypeAlias = "bool | int | float | str | Sequence[Json] | Mapping[str, Json] | None"
+"""What a JSON file can hold."""
+
+
+class Verdict(StrEnum):
+    """What can be said, the most serious first: a campaign's verdict is the first that any of its parts has."""
+
+    UNCONTROLLED = "uncontrolled"
+    UNTRACED = "untraced"
+    AMBIGUOUS = "ambiguous"
+    UNNAMED = "unnamed"
+    NAMED = "named"
+    ABSORBED = "absorbed"
+    NONE = "none"
+
+
+def first_verdict(verdicts: Sequence[Verdict]) -> Verdict:
+    """Give the most serious verdict; `none` if there is nothing to say."""
+    return next((verdict for verdict in Verdict if verdict in verdicts), Verdict.NONE)
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """Error of one equation before and after, in its unit. `floor`: rms that noise alone leaves, None if unknown."""
+
+    rms_before: float
+    rms_after: float
+    max_before: float
+    max_after: float
+    floor: float | None = None
+    floor_ci95: tuple[float, float] | None = None
+    by_procedure: Mapping[str, "Errors"] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class EquationResult:
+    """Errors of one equation on held-out and on training runs; None where no run allows the equation."""
+
+    unit: str
+    held_out: Errors | None
+    train: Errors | None
+
+
+@dataclass(frozen=True, slots=True)
+class LineResult:
+    """One line of a periodic term: cycles per revolution of the variable, the equation's unit, rad."""
+
+    order: float
+    amplitude: float
+    phase: float
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A value with its 95 % interval, None where there is none."""
+
+    value: float
+    ci95: tuple[float, float] | None
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A class that was tried: gain in weighted squares, and p-value for all that was tried with it."""
+
+    effect: str
+    gain: float
+    p_value: float
+
+
+@dataclass(frozen=True, slots=True)
+class Shift:
+    """How a base parameter moved when the effects were added."""
+
+    start: float
+    end: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class NextExperiment:
+    """What to measure next, as a ready command. Separation in standard deviations, None if not computed."""
+
+    why: str
+    command: str
+    expected_separation_sigma: float | None = None
+    minutes: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One term that was added."""
+
+    verdict: Verdict
+    effect: str
+    members: tuple[str, ...]
+    variable: str
+    shape: str
+    lines: tuple[LineResult, ...]
+    equation: str
+    parameters: Mapping[str, Estimate]
+    candidates: tuple[Candidate, ...]
+    p_value: float
+    held_out: Mapping[str, tuple[float, float]]
+    shift: Mapping[str, Shift]
+    next_experiment: NextExperiment | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Open:
+    """A statement that remains open. `evidence` holds numbers and texts by name."""
+
+    verdict: Verdict
+    evidence: Mapping[str, Json]
+    group: tuple[str, ...] = ()
+    parameter: str | None = None
+    deviation: float | None = None
+    times: tuple[float, ...] = ()
+    next_experiment: NextExperiment | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """Residual of held-out runs of one equation against the variable that explains it, thinned; arrays (m,).
+
+    `variable`: contract signal or `time`; `unit` of the residual; `procedure` and `runs` it was taken from.
+    """
+
+    equation: str
+    unit: str
+    variable: str
+    procedure: str
+    runs: tuple[str, ...]
+    x: NDArray[np.float64]
+    before: NDArray[np.float64]
+    after: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class LoopResult:
+    """Everything the loop says about a campaign. Names of runs, not paths."""
+
+    train: tuple[str, ...]
+    held_out: tuple[str, ...]
+    equations: Mapping[str, EquationResult]
+    steps: tuple[Step, ...]
+    open: tuple[Open, ...]
+    warnings: tuple[str, ...]
+    elapsed: float
+    model: Model
+    views: tuple["View", ...] = ()
+
+    @property
+    def verdict(self) -> Verdict:
+        """The first verdict that any step or open statement has."""
+        return first_verdict([*(step.verdict for step in self.steps), *(item.verdict for item in self.open)])
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """What was added, in order."""
+        return tuple(step.effect for step in self.steps)
+
+    def to_json(self) -> dict[str, Json]:
+        """Give the content of `loop.json`; numbers that are not finite become null."""
+        return {
+            "schema": SCHEMA,
+            "runs": {"train": list(self.train), "held_out": list(self.held_out)},
+            "verdict": self.verdict.value,
+            "effects": list(self.effects),
+            "equations": {name: _equation(item) for name, item in self.equations.items()},
+            "steps": [_step(step) for step in self.steps],
+            "open": [_open(item) for item in self.open],
+            "warnings": list(self.warnings),
+            "elapsed_s": self.elapsed,
+        }
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def _pair(pair: tuple[float, float] | None) -> Json:
+    return None if pair is None else [_number(pair[0]), _number(pair[1])]
+
+
+def _errors(errors: Errors) -> dict[str, Json]:
+    return {
+        "rms_before": _number(errors.rms_before),
+        "rms_after": _number(errors.rms_after),
+        "max_before": _number(errors.max_before),
+        "max_after": _number(errors.max_after),
+        "floor": _number(errors.floor),
+        "floor_ci95": _pair(errors.floor_ci95),
+    }
+
+
+def _with_procedures(errors: Errors | None) -> Json:
+    if errors is None:
+        return None
+    return {**_errors(errors), "by_procedure": {name: _errors(item) for name, item in errors.by_procedure.items()}}
+
+
+def _equation(item: EquationResult) -> dict[str, Json]:
+    return {"unit": item.unit, "held_out": _with_procedures(item.held_out), "train": _with_procedures(item.train)}
+
+
+def estimate_json(estimate: Estimate) -> dict[str, Json]:
+    """Give value, interval and unit as in `loop.json` and `model.json`."""
+    return {"value": _number(estimate.value), "ci95": _pair(estimate.ci95), "unit": estimate.unit}
+
+
+def _next(experiment: NextExperiment | None) -> Json:
+    if experiment is None:
+        return None
+    return {
+        "why": experiment.why,
+        "command": experiment.command,
+        "expected_separation_sigma": _number(experiment.expected_separation_sigma),
+        "minutes": _number(experiment.minutes),
+    }
+
+
+def _step(step: Step) -> dict[str, Json]:
+    return {
+        "verdict": step.verdict.value,
+        "effect": step.effect,
+        "set": list(step.members),
+        "variable": step.variable,
+        "shape": step.shape,
+        "lines": [{"order": x.order, "amplitude": x.amplitude, "phase": x.phase} for x in step.lines],
+        "equation": step.equation,
+        "parameters": {name: estimate_json(value) for name, value in step.parameters.items()},
+        "candidates": [
+            {"effect": c.effect, "gain": _number(c.gain), "p_value": _number(c.p_value)} for c in step.candidates
+        ],
+        "p_value": _number(step.p_value),
+        "held_out": {
+            name: {"rms_before": _number(before), "rms_after": _number(after)}
+            for name, (before, after) in step.held_out.items()
+        },
+        "shift": {
+            name: {"from": _number(s.start), "to": _number(s.end), "unit": s.unit} for name, s in step.shift.items()
+        },
+        "next_experiment": _next(step.next_experiment),
+    }
+
+
+def _open(item: Open) -> dict[str, Json]:
+    return {
+        "verdict": item.verdict.value,
+        "group": list(item.group),
+        "parameter": item.parameter,
+        "deviation": _number(item.deviation),
+        "times": [float(time) for time in item.times],
+        "evidence": dict(item.evidence),
+        "next_experiment": _next(item.next_experiment),
+    }

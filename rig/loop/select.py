@@ -1,0 +1,326 @@
+"""Forward selection of terms, one at a time, with joint refits; training runs only.
+
+A round scans every equation for lines, scores every class that a line could be on all equations together, and adds
+the best if it passes the family-wise test at alpha, pays when runs are left out, and is consistent between
+procedures. Naming is strict: a catalogue class wins with at least 95 % of the best gain, every other class with 90 %
+of the pick's gain joins the set, and then the verdict is `ambiguous`.
+"""
+
+import functools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rig.loop.equations import Equation, Piece
+from rig.loop.fit import Fit, fit, fit_from_several, reweighted
+from rig.loop.lines import Spectrum, peaks, refine, scan
+from rig.loop.model import Model
+from rig.loop.result import Candidate, Verdict
+from rig.loop.rivals import rivals_of_an_angle
+from rig.loop.terms import Entry, Line, TermClass, periodic_effects
+from rig.loop.trial import Ground, Trial, consistent, line_gain, prepare, try_line
+
+LEAST_SHARE = 0.01
+"""Share of an equation's squares below which a line is detected but not worth adding."""
+
+LEAST_IMPROVED = 0.6
+"""Share of the runs carrying the term that must be predicted better from the others."""
+
+BEST_SHARE = 0.95
+SET_SHARE = 0.9
+MOST_CLASSES = 3
+MOST_LINES = 16
+PEAKS_BY_HEIGHT = 3
+PEAKS_BY_POWER = 3
+LEAST_START_ANGLES = 4
+"""Start angles without which a locked sweep cannot tell an angle error from a torque-shaped one."""
+
+TWINS: dict[str, str] = {"kinematic-error": "motor-encoder-eccentricity"}
+"""What looks the same at order 1 until the encoder is re-clocked."""
+
+SINGLE_ANGLE_SET = ("flexspline-compliance", "kinematic-error", "soft-windup", "stiffness-modulation")
+"""What one start angle cannot tell apart (quotient group of the effect catalogue)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """What was decided about one class that was added: verdict, set (if ambiguous), candidates and p-value."""
+
+    kind: TermClass
+    verdict: Verdict
+    members: tuple[str, ...]
+    candidates: tuple[Candidate, ...]
+    p_value: float
+
+    @property
+    def effect(self) -> str:
+        """The id in the result."""
+        return "ambiguous:" + "|".join(self.members) if self.members else self.kind.id
+
+
+@dataclass(frozen=True, slots=True)
+class Unadded:
+    """A line that was found and is significant, but was not added, and why."""
+
+    kind: TermClass
+    order: float
+    amplitude: float
+    p_value: float
+    share: float
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """Outcome: the fit with everything that was added, the decisions in order, and what was found but not added."""
+
+    fit: Fit
+    decisions: tuple[Decision, ...]
+    unadded: tuple[Unadded, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Proposal:
+    kind: TermClass
+    order: float
+    resolution: float
+
+
+def select(pieces: Sequence[Piece], base: Fit, alpha: float) -> Selection:
+    """Add terms to the base fit until nothing more passes. `alpha`: family-wise false-alarm probability a round."""
+    current = base
+    decisions: list[Decision] = []
+    unadded: dict[tuple[str, int], Unadded] = {}
+    while len(current.model.lines) < MOST_LINES:
+        ground = prepare(current)
+        accepted = _round(pieces, ground, alpha, decisions, unadded)
+        if accepted is None:
+            break
+        decision, current = accepted
+        if all(decision.kind != earlier.kind for earlier in decisions):
+            decisions.append(decision)
+    current, decisions = _withdraw(pieces, current, decisions, alpha)
+    kept = {line.kind for line in current.model.lines}
+    return Selection(current, tuple(d for d in decisions if d.kind in kept), tuple(unadded.values()))
+
+
+def refit(pieces: Sequence[Piece], like: Fit, model: Model) -> Fit:
+    """Fit the model with weights that follow from its own residual."""
+    first = reweighted(fit_from_several(pieces, model, like.noise, like.block))
+    return reweighted(fit_from_several(pieces, first.model, first.noise, first.block))
+
+
+def _round(
+    pieces: Sequence[Piece],
+    ground: Ground,
+    alpha: float,
+    decisions: list[Decision],
+    unadded: dict[tuple[str, int], Unadded],
+) -> tuple[Decision, Fit] | None:
+    """Give the best term that may be added, and the fit with it; None if there is none."""
+    proposals, tests = _propose(ground)
+    scored = sorted(((line_gain(ground, p.kind, p.order), p) for p in proposals), key=lambda pair: -pair[0])
+    refined: list[tuple[Trial, _Proposal]] = []
+    for gain, proposal in scored[:8]:
+        if refined and gain < 0.3 * max(trial.gain for trial, _ in refined):
+            break
+        order = proposal.kind.fixed_order
+        if order is None:
+            gain_at = functools.partial(line_gain, ground, proposal.kind)
+            order = refine(gain_at, proposal.order, proposal.resolution)
+        refined.append((try_line(ground, proposal.kind, order), replace(proposal, order=order)))
+    refined.sort(key=lambda pair: -pair[0].gain)
+    for trial, proposal in refined:
+        p_value = min(1.0, trial.single_p * tests)
+        if p_value > alpha or _already_there(ground, proposal):
+            continue
+        known = any(d.kind == proposal.kind for d in decisions)
+        classes = {d.kind for d in decisions}
+        why = _objection(trial, known=known, room=known or len(classes) < MOST_CLASSES)
+        if not why:
+            pick = _named(ground, trial, proposal, refined, p_value, tests)
+            why = "another shape explains more"
+            if pick is not None:
+                decision, chosen, amplitudes = pick
+                line = Line(chosen.kind, chosen.order, float(amplitudes[0]), float(amplitudes[1]))
+                lines = (*ground.fit.model.lines, line)
+                joint = refit(pieces, ground.fit, replace(ground.fit.model, lines=lines))
+                if consistent(joint, len(lines) - 1):
+                    return decision, joint
+                why = "it does not show under every condition that should show it"
+        key = (proposal.kind.id, round(proposal.order / max(proposal.resolution, 1e-9)))
+        amplitude = float(np.hypot(*trial.amplitudes))
+        unadded[key] = Unadded(proposal.kind, proposal.order, amplitude, p_value, trial.share, why)
+    return None
+
+
+def _objection(trial: Trial, *, known: bool, room: bool) -> str:
+    """Say why a significant line is not added; empty if it is."""
+    if not room:
+        return f"more than {MOST_CLASSES} different terms"
+    if trial.share < LEAST_SHARE:
+        return f"it explains {100 * trial.share:.2g} % of the squares, less than {100 * LEAST_SHARE:.0f} %"
+    if trial.improved < LEAST_IMPROVED or trial.pays <= 0.0:
+        return f"it improves {100 * trial.improved:.0f} % of the runs when they are left out"
+    return ""
+
+
+def _already_there(ground: Ground, proposal: _Proposal) -> bool:
+    return any(
+        line.kind == proposal.kind and abs(line.order - proposal.order) < 0.3 * proposal.resolution
+        for line in ground.fit.model.lines
+    )
+
+
+def _named(
+    ground: Ground,
+    trial: Trial,
+    proposal: _Proposal,
+    refined: list[tuple[Trial, _Proposal]],
+    p_value: float,
+    tests: float,
+) -> tuple[Decision, _Proposal, np.ndarray] | None:
+    """Choose the class and the verdict for the best line; None if another shape explains it better."""
+    peers = [(trial, proposal)] + [(t, p) for t, p in refined if p != proposal and _same_place(ground, p, proposal)]
+    best = max(t.gain for t, _ in peers)
+    named = [(t, p) for t, p in peers if p.kind.effect is not None and t.gain >= BEST_SHARE * best]
+    pick, chosen = max(named or peers, key=lambda pair: pair[0].gain)
+    rivals = rivals_of_an_angle(ground, chosen.order) if chosen.kind.entry.is_angle else ()
+    if any(rival.gain > pick.gain / BEST_SHARE for rival in rivals):
+        return None
+    near = {t.label for t, p in peers if p.kind != chosen.kind and p.kind.effect and t.gain >= SET_SHARE * pick.gain}
+    near |= {rival.label for rival in rivals if rival.gain >= SET_SHARE * pick.gain}
+    near |= _against_motion(ground, pick, chosen)
+    if chosen.kind.effect in TWINS and abs(chosen.order - 1.0) < 0.5 * max(proposal.resolution, 0.01):
+        near.add(TWINS[chosen.kind.effect])
+    if chosen.kind.effect == "kinematic-error" and not _angles_cover(ground):
+        near |= set(SINGLE_ANGLE_SET)
+    candidates = [Candidate(pick.label, pick.gain, p_value)]
+    candidates += [Candidate(t.label, t.gain, min(1.0, t.single_p * tests)) for t, p in peers if p != chosen]
+    candidates += [Candidate(r.label, r.gain, min(1.0, r.single_p * tests)) for r in rivals]
+    if near:
+        verdict, members = Verdict.AMBIGUOUS, tuple(sorted(near | {chosen.kind.id}))
+    else:
+        verdict, members = (Verdict.NAMED if chosen.kind.effect else Verdict.UNNAMED), ()
+    ordered = tuple(sorted(candidates, key=lambda c: -c.gain))
+    return Decision(chosen.kind, verdict, members, ordered, p_value), chosen, pick.amplitudes
+
+
+def _same_place(ground: Ground, one: _Proposal, other: _Proposal) -> bool:
+    """Whether two proposals are about the same line, be it of the motor or of the output angle."""
+    ratio = ground.fit.model.ratio or 1.0
+    a, b = ((p.order * (1.0 if p.kind.variable == "motor_position" else 1.0 / ratio)) for p in (one, other))
+    width = max(p.resolution * (1.0 if p.kind.variable == "motor_position" else 1.0 / ratio) for p in (one, other))
+    return abs(a - b) <= 1.5 * width
+
+
+def _against_motion(ground: Ground, pick: Trial, chosen: _Proposal) -> set[str]:
+    """Friction that varies with the angle joins the set where the data do not show both directions."""
+    if chosen.kind.entry not in (Entry.MOTOR, Entry.OUTPUT) or chosen.kind.effect is None:
+        return set()
+    flipped = TermClass(
+        None,
+        Entry.MOTOR_AGAINST_MOTION if chosen.kind.entry is Entry.MOTOR else Entry.OUTPUT_AGAINST_MOTION,
+        chosen.kind.variable,
+    )
+    rival = try_line(ground, flipped, chosen.order)
+    return {"position-dependent-friction"} if rival.gain >= SET_SHARE * pick.gain else set()
+
+
+def _angles_cover(ground: Ground) -> bool:
+    """Whether torsion was seen over a whole motor turn, or from enough start angles."""
+    starts: set[int] = set()
+    for item in ground.fit.linear:
+        if item.piece.equation is not Equation.TORSION:
+            continue
+        angle = item.evaluation.positions["motor_position"][item.piece.index]
+        if np.ptp(angle) >= 2.0 * math.pi:
+            return True
+        starts.add(round(float(angle.mean()) % (2.0 * math.pi) / 0.1))
+    return len(starts) >= LEAST_START_ANGLES
+
+
+def _propose(ground: Ground) -> tuple[list[_Proposal], float]:
+    """Scan every equation and give the classes to try at each peak, and the number of independent tests."""
+    found: list[_Proposal] = []
+    tests = 0.0
+    linear = ground.fit.linear
+    ratio = ground.fit.model.ratio
+    effects = periodic_effects()
+    for equation in dict.fromkeys(item.piece.equation for item in linear):
+        items = [item for item in linear if item.piece.equation is equation]
+        has_motor = any("motor_position" in item.evaluation.positions for item in items)
+        variable = "motor_position" if has_motor else "output_position"
+        for against in (False, True) if equation is not Equation.TORSION else (False,):
+            spectrum = scan(items, variable, against_motion=against)
+            if spectrum is None:
+                continue
+            tests += spectrum.tests
+            for order in _tops(spectrum):
+                found += _classes(equation, variable, order, spectrum.resolution, ratio, effects, against=against)
+        tests += len(effects)
+    for kind in effects:
+        if kind.fixed_order is not None:
+            found.append(_Proposal(kind, kind.fixed_order, 0.0))
+    return found, max(tests, 1.0)
+
+
+def _tops(spectrum: Spectrum) -> list[float]:
+    by_height = [peak.order for peak in peaks(spectrum, PEAKS_BY_HEIGHT)]
+    flat = replace(spectrum)
+    by_power: list[float] = []
+    for place in np.argsort(flat.power)[::-1]:
+        order = float(flat.orders[place])
+        if all(abs(order - other) > spectrum.resolution for other in by_power):
+            by_power.append(order)
+        if len(by_power) == PEAKS_BY_POWER:
+            break
+    return by_height + [o for o in by_power if all(abs(o - h) > spectrum.resolution for h in by_height)]
+
+
+def _classes(
+    equation: Equation,
+    variable: str,
+    order: float,
+    resolution: float,
+    ratio: float | None,
+    effects: Sequence[TermClass],
+    *,
+    against: bool,
+) -> list[_Proposal]:
+    """Give what a line seen in `equation` could be. Slow lines of the motor angle belong to the output angle."""
+    if variable == "motor_position" and order < 0.5 and ratio is not None:
+        variable, order, resolution = "output_position", order * ratio, resolution * ratio
+    current = equation is Equation.MOTOR_CURRENT
+    motor = equation in (Equation.MOTOR_TORQUE, Equation.MOTOR_CURRENT)
+    if against:
+        entry = Entry.MOTOR_AGAINST_MOTION if motor else Entry.OUTPUT_AGAINST_MOTION
+        return [_Proposal(TermClass(None, entry, variable), order, resolution)]
+    kinds = [kind for kind in effects if kind.variable == variable and kind.fixed_order is None]
+    if current:
+        kinds = [kind for kind in kinds if kind.entry is Entry.MOTOR]
+    if variable == "output_position" or not kinds:
+        entry = Entry.ANGLE_ONLY if equation is Equation.TORSION else Entry.MOTOR if motor else Entry.OUTPUT
+        kinds.append(TermClass(None, entry, variable))
+        if entry is Entry.ANGLE_ONLY:
+            kinds.append(TermClass(None, Entry.OUTPUT, variable))
+    return [_Proposal(kind, order, resolution) for kind in kinds]
+
+
+def _withdraw(
+    pieces: Sequence[Piece], current: Fit, decisions: list[Decision], alpha: float
+) -> tuple[Fit, list[Decision]]:
+    """Take out lines that no longer pay beside the others."""
+    if len(current.model.lines) < 2:
+        return current, decisions
+    for line in current.model.lines:
+        others = tuple(other for other in current.model.lines if other is not line)
+        if len(others) == len(current.model.lines):
+            continue
+        without = fit(pieces, replace(current.model, lines=others), current.noise, passes=3, block=current.block)
+        trial = try_line(prepare(without), line.kind, line.order)
+        if trial.single_p > alpha or trial.pays <= 0.0:
+            current = refit(pieces, current, without.model)
+    return current, decisions

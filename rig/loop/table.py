@@ -1,0 +1,77 @@
+"""The table before/after, for the terminal and as plain text."""
+
+from rich.table import Table
+
+from rig.loop.result import Errors, LoopResult
+
+TITLES = ("equation", "procedure", "unit", "before", "after", "floor", "floor 95 %", "largest after")
+
+
+def table_of(result: LoopResult) -> Table:
+    """Give the held-out errors per equation and procedure as a table for the terminal."""
+    table = Table(title=headline(result), title_justify="left")
+    for number, title in enumerate(TITLES):
+        table.add_column(title, justify="left" if number < 3 else "right", no_wrap=True)
+    for row in rows_of(result):
+        table.add_row(*row)
+    return table
+
+
+def text_of(result: LoopResult) -> str:
+    """Give the same as plain text, with what was added, what stays open and the warnings below."""
+    rows = [TITLES, *rows_of(result)]
+    widths = [max(len(row[k]) for row in rows) for k in range(len(TITLES))]
+    lines = [headline(result), ""]
+    lines += ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    lines += ["", *statements(result)]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def headline(result: LoopResult) -> str:
+    """Say the outcome in one sentence."""
+    held = f"{len(result.train)} runs fitted, {len(result.held_out)} held out"
+    if not result.effects:
+        return f"Verdict: {result.verdict} ({held}); nothing was added."
+    return f"Verdict: {result.verdict} ({held}); added: {', '.join(result.effects)}."
+
+
+def statements(result: LoopResult) -> list[str]:
+    """Give one line for every step, open statement and warning."""
+    lines = []
+    for step in result.steps:
+        values = ", ".join(
+            f"{name} = {e.value:.6g}" + (f" ({e.ci95[0]:.6g} to {e.ci95[1]:.6g})" if e.ci95 else "") + f" {e.unit}"
+            for name, e in step.parameters.items()
+        )
+        lines.append(f"+ {step.effect} in {step.equation}: {values}; false-alarm probability {step.p_value:.1g}")
+        if step.next_experiment is not None:
+            lines.append(f"  next: {step.next_experiment.command} ({step.next_experiment.why})")
+    for item in result.open:
+        evidence = ", ".join(f"{name} {_short(value)}" for name, value in item.evidence.items())
+        lines.append(f"? {item.verdict}: {' | '.join(item.group)} {evidence}".replace("  ", " "))
+        if item.next_experiment is not None:
+            lines.append(f"  next: {item.next_experiment.command} ({item.next_experiment.why})")
+    return lines + [f"! {warning}" for warning in result.warnings]
+
+
+def rows_of(result: LoopResult) -> list[tuple[str, ...]]:
+    """Give the table's rows: an equation over all held-out runs, then its procedures."""
+    rows = []
+    for name, equation in result.equations.items():
+        if equation.held_out is None:
+            continue
+        rows.append(_row(name, "all", equation.unit, equation.held_out))
+        if len(equation.held_out.by_procedure) > 1:
+            rows += [_row("", p, equation.unit, errors) for p, errors in equation.held_out.by_procedure.items()]
+    return rows
+
+
+def _row(name: str, procedure: str, unit: str, errors: Errors) -> tuple[str, ...]:
+    interval = "-" if errors.floor_ci95 is None else f"{errors.floor_ci95[0]:.3g} to {errors.floor_ci95[1]:.3g}"
+    floor = "-" if errors.floor is None else f"{errors.floor:.4g}"
+    after = f"{errors.rms_after:.4g}"
+    return name, procedure, unit, f"{errors.rms_before:.4g}", after, floor, interval, f"{errors.max_after:.3g}"
+
+
+def _short(value: object) -> str:
+    return f"{value:.3g}" if isinstance(value, float) else str(value)

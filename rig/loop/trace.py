@@ -1,0 +1,269 @@
+"""The loop: fit the base model, look at what it leaves, trace it, and report the error before and after.
+
+Training runs alone decide what is added, named, or withdrawn. Held-out runs are evaluated once, at the end.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drivers.clock import Clock, RealClock
+from drivers.errors import DataError
+from rig.config.dut import Dut
+from rig.log.run import ProcedureName, Run
+from rig.loop.campaign import LoopOptions, split_runs
+from rig.loop.checks import check_gear, check_signs
+from rig.loop.equations import FEWEST_SAMPLES, Equation, Piece, pieces_of
+from rig.loop.fit import Fit, fit, fit_from_several, reweighted
+from rig.loop.frames import turned
+from rig.loop.metrics import Floor, Residual, errors, floor_of, pooled, residual_of
+from rig.loop.model import Model, predict
+from rig.loop.model_file import Model as ModelFile
+from rig.loop.open_statements import open_statements
+from rig.loop.parameters import parameter_table
+from rig.loop.report_steps import model_of, steps_of
+from rig.loop.result import EquationResult, Errors, LoopResult, View
+from rig.loop.select import Selection, select
+from rig.loop.terms import Entry, Line, TermClass
+from rig.loop.tracks import Track, make_track, thin_track
+from rig.provenance import software_version
+
+VIEW_POINTS = 6000
+"""Samples of a residual that a plot can show."""
+
+
+def trace(runs: Sequence[Run], dut: Dut, options: LoopOptions, clock: Clock | None = None) -> LoopResult:
+    """Trace what the base model lacks on a campaign of runs.
+
+    Raises DataError where nothing can be held out or fitted, where the device file contradicts the data, or where
+    the error after falls below the floor (a leak).
+    """
+    clock = clock or RealClock()
+    started = clock.now()
+    campaign = split_runs(runs, options)
+    train = [make_track(run, dut) for run in campaign.train]
+    held_out = [make_track(run, dut) for run in campaign.held_out]
+    ratio = check_gear([*train, *held_out], dut)
+    check_signs([*train, *held_out], ratio)
+    start = start_model(dut, ratio, options.base)
+    pieces = _settled([piece for track in train for piece in pieces_of(thin_track(track), ratio)], start)
+    if not pieces:
+        raise DataError(
+            ", ".join(track.name for track in train[:4]),
+            "no equation can be formed from the training runs",
+            expected="both positions and the ratio, or a torque or current with a position",
+            hint="Check the channels in the log, and the ratio in the device file.",
+        )
+    base = fit_base(pieces, start)
+    selection = select(pieces, base, options.alpha)
+    final = selection.fit
+    sides = {
+        side: _residuals([p for t in tracks for p in pieces_of(t, ratio)], base.model, final.model)
+        for side, tracks in (("train", train), ("held_out", held_out))
+    }
+    equations = _equations(sides, dut, final.model)
+    _refuse_leaks(equations, campaign.held_out)
+    changes = {
+        name: (item.held_out.rms_before, item.held_out.rms_after)
+        for name, item in equations.items()
+        if item.held_out is not None
+    }
+    steps = steps_of(selection.decisions, final, base, dut, changes)
+    entries = [decision.kind.entry for decision in selection.decisions]
+    warnings = (*campaign.warnings, *_remarks([*train, *held_out], runs, ratio, dut), *_unadded(selection))
+    return LoopResult(
+        train=tuple(run.name for run in campaign.train),
+        held_out=tuple(run.name for run in campaign.held_out),
+        equations=equations,
+        steps=steps,
+        open=open_statements(selection, [pair.after for pair in sides["train"]], equations, dut),
+        warnings=warnings,
+        elapsed=clock.now() - started,
+        model=model_of(final, steps, entries, dut, software_version()),
+        views=_views(sides["held_out"], selection),
+    )
+
+
+def start_model(dut: Dut, ratio: float | None, base: ModelFile | None) -> Model:
+    """Give the model from which the fit starts: the device file's estimates, or a model file's values and effects."""
+    table = parameter_table(dut, ratio)
+    lines: tuple[Line, ...] = ()
+    if base is not None:
+        table = table.with_start({name: value.value for name, value in base.base.parameters.items()})
+        lines = lines_of(base, dut)
+    return Model(table, table.start(), ratio, lines)
+
+
+def lines_of(model: ModelFile, dut: Dut) -> tuple[Line, ...]:
+    """Give the lines of a model file's effects, in the frame of computing."""
+    found = []
+    for effect in model.effects:
+        entry = Entry(effect.enters)
+        named = None if effect.effect.startswith(("unnamed:", "ambiguous:")) else effect.effect
+        fixed = effect.lines[0].order if effect.lines and "order" not in effect.parameters else None
+        kind = TermClass(named, entry, effect.variable, fixed)
+        for item in effect.lines:
+            sine, cosine = item.amplitude * np.cos(item.phase), item.amplitude * np.sin(item.phase)
+            found.append(turned(Line(kind, item.order, float(sine), float(cosine)), dut))
+    return tuple(found)
+
+
+def fit_base(pieces: Sequence[Piece], start: Model) -> Fit:
+    """Fit the base model, with the weights that its own residual calls for."""
+    rough = reweighted(fit(pieces, start, {}, passes=0))
+    first = reweighted(fit_from_several(pieces, start, rough.noise, rough.block))
+    return reweighted(fit_from_several(pieces, first.model, first.noise, first.block))
+
+
+def _settled(pieces: Sequence[Piece], start: Model) -> list[Piece]:
+    """Leave out samples that still depend on the unknown start of a play."""
+    kept = []
+    for piece in pieces:
+        settled = predict(piece, start).settled[piece.index]
+        if settled.sum() >= FEWEST_SAMPLES:
+            kept.append(replace(piece, index=piece.index[settled], target=piece.target[settled]))
+    return kept
+
+
+@dataclass(frozen=True, slots=True)
+class _BeforeAfter:
+    before: Residual
+    after: Residual
+
+
+def _residuals(pieces: Sequence[Piece], before: Model, after: Model) -> list[_BeforeAfter]:
+    return [_BeforeAfter(residual_of(piece, before), residual_of(piece, after)) for piece in pieces]
+
+
+def _equations(sides: dict[str, list[_BeforeAfter]], dut: Dut, model: Model) -> dict[str, EquationResult]:
+    found = {}
+    known = [pair for pairs in sides.values() for pair in pairs]
+    for equation in Equation:
+        if not any(pair.after.piece.equation is equation for pair in known):
+            continue
+        replicates = [pair.after for pair in known if pair.after.piece.equation is equation]
+        results = {}
+        for side, pairs in sides.items():
+            own = [pair for pair in pairs if pair.after.piece.equation is equation]
+            results[side] = _errors_of(own, replicates, dut, model) if own else None
+        found[equation.value] = EquationResult(equation.unit, results["held_out"], results["train"])
+    return found
+
+
+def _errors_of(pairs: Sequence[_BeforeAfter], known: Sequence[Residual], dut: Dut, model: Model) -> Errors:
+    by_procedure = {}
+    floors: list[tuple[Floor, int]] = []
+    complete = True
+    for procedure in dict.fromkeys(pair.after.piece.track.procedure for pair in pairs):
+        own = [pair for pair in pairs if pair.after.piece.track.procedure is procedure]
+        floor = floor_of([pair.after for pair in own], known, dut, model)
+        count = sum(pair.after.values.size for pair in own)
+        complete = complete and floor is not None
+        if floor is not None:
+            floors.append((floor, count))
+        by_procedure[procedure.value] = errors([p.before for p in own], [p.after for p in own], floor)
+    whole = errors([p.before for p in pairs], [p.after for p in pairs], pooled(floors) if complete else None)
+    return replace(whole, by_procedure=by_procedure)
+
+
+def _refuse_leaks(equations: dict[str, EquationResult], held_out: Sequence[Run]) -> None:
+    """Raise DataError where the held-out error lies below what noise alone leaves."""
+    for name, item in equations.items():
+        found = item.held_out
+        if found is not None and found.floor_ci95 is not None and found.rms_after < found.floor_ci95[0]:
+            raise DataError(
+                ", ".join(run.name for run in held_out),
+                f"the held-out error of {name} after the fit is {found.rms_after:.4g} {item.unit}, below the floor "
+                f"of the instruments {found.floor_ci95[0]:.4g} to {found.floor_ci95[1]:.4g} {item.unit}",
+                value=found.rms_after,
+                expected="an error not below what noise alone leaves",
+                hint="A channel that is predicted may leak into a regressor, or replicates are not replicates.",
+            )
+
+
+def _remarks(tracks: Sequence[Track], runs: Sequence[Run], ratio: float | None, dut: Dut) -> list[str]:
+    """Say what was masked, left out, or could not be known."""
+    found = []
+    saturated = {track.name: track.saturated for track in tracks if track.saturated}
+    if saturated:
+        text = ", ".join(f"{name} ({count})" for name, count in saturated.items())
+        found.append(f"Saturated samples (torque limit active) were masked: {text}.")
+    masked = {
+        track.name: 100.0 * (1.0 - float(track.steady.mean())) for track in tracks if track.moves and track.steady.any()
+    }
+    if masked:
+        text = ", ".join(f"{name} {share:.0f} %" for name, share in masked.items())
+        found.append(f"Outside legs of constant speed (8 %, ends of 0.2 s cut) and masked: {text}.")
+    unused = [track.name for track in tracks if track.procedure is ProcedureName.STARTING_TORQUE]
+    if unused:
+        found.append(f"Starting-torque runs enter no equation of the loop: {', '.join(unused)}.")
+    silent = [t.name for t in tracks if t.name not in unused and not pieces_of(t, ratio)]
+    if silent:
+        found.append(f"No equation can be formed from: {', '.join(silent)}.")
+    both = any(track.motor_position is not None and track.output_position is not None for track in tracks)
+    if both and ratio is None:
+        found.append("The gear ratio is unknown and no run turns far enough to measure it: torsion is left out.")
+    if ratio is not None and dut.gear.ratio is None:
+        found.append(f"The device file gives no ratio; {ratio:.6g} was measured from both encoders.")
+    if not any(run.replicate is not None for run in runs):
+        found.append("No replicate runs: the floor is computed or unknown, and structure is judged by shape alone.")
+    for run in runs:
+        constant = sorted(
+            name
+            for name, values in run.signals.items()
+            if name in _MEASURED and name != _HELD.get(run.procedure) and values.size and np.ptp(values) == 0.0
+        )
+        if constant:
+            found.append(f"{run.name}: constant throughout: {', '.join(constant)}.")
+        if run.gaps:
+            found.append(f"{run.name}: {len(run.gaps)} gaps.")
+    return found
+
+
+_MEASURED = ("motor_position", "output_position", "motor_torque", "motor_current", "output_torque")
+_HELD = {ProcedureName.LOCKED_OUTPUT: "output_position", ProcedureName.BACKDRIVE: "motor_position"}
+"""What a procedure holds may well be constant."""
+
+
+def _unadded(selection: Selection) -> list[str]:
+    return [
+        f"Found, not added: {item.kind.id}, order {item.order:.6g} of {item.kind.variable}, amplitude "
+        f"{item.amplitude:.3g} {'rad' if item.kind.entry.is_angle else 'N*m or A'}: {item.why}."
+        for item in selection.unadded
+    ]
+
+
+def _views(pairs: Sequence[_BeforeAfter], selection: Selection) -> tuple[View, ...]:
+    """Give the held-out residual of every equation against the variable of the largest term, or against time."""
+    found = []
+    for equation in dict.fromkeys(pair.after.piece.equation for pair in pairs):
+        own = [pair for pair in pairs if pair.after.piece.equation is equation]
+        moving = [pair for pair in own if pair.after.piece.track.moves] or own
+        procedure = moving[0].after.piece.track.procedure
+        moving = [pair for pair in moving if pair.after.piece.track.procedure is procedure]
+        variables = [d.kind.variable for d in selection.decisions] or ["time"]
+        x = [_variable(pair.after, variables[0]) for pair in moving]
+        joined = np.concatenate(x)
+        before = np.concatenate([pair.before.values for pair in moving])
+        after = np.concatenate([pair.after.values for pair in moving])
+        step = max(1, joined.size // VIEW_POINTS)
+        found.append(
+            View(
+                equation=equation.value,
+                unit=equation.unit,
+                variable=variables[0],
+                procedure=procedure.value,
+                runs=tuple(pair.after.piece.track.name for pair in moving),
+                x=joined[::step],
+                before=before[::step],
+                after=after[::step],
+            )
+        )
+    return tuple(found)
+
+
+def _variable(residual: Residual, name: str) -> np.ndarray:
+    track = residual.piece.track
+    values = {"motor_position": track.motor_position, "output_position": track.output_position}.get(name)
+    return residual.time if values is None else np.interp(residual.time, track.time, values)

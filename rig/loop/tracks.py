@@ -1,0 +1,299 @@
+"""A run made ready for the equations: sense `opposed`, gaps filled and marked, inputs smoothed, legs found.
+
+Rotation `same` is turned into `opposed` on entry by negating the motor signals (one set of equations serves both).
+A play follows the extremes of a noisy input, so that torques that enter the model are averaged over `SMOOTHING`.
+Start and stop transients look like missing physics: moving runs are used only on legs of constant speed, their ends
+cut off.
+"""
+
+import itertools
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from rig.config.dut import Dut, Rotation
+from rig.log.run import ProcedureName, Run
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+SMOOTHING = 0.02
+"""s over which a run that does not turn is averaged for the fit; quasi-static sweeps change over seconds."""
+
+SIDE = 0.025
+PLAY_SIDE = 0.1
+"""s on either side over which torques are smoothed by straight lines before they enter a spring or a play."""
+
+SPEED_BAND = 0.08
+"""A sample belongs to a leg if its speed is within this share of the leg's speed."""
+
+LEG_END = 0.2
+"""s cut off at both ends of a leg."""
+
+SHORTEST_LEG = 0.4
+"""s of what remains of a leg."""
+
+SPEED_WINDOW = 0.1
+"""s over which an angle is differentiated."""
+
+M_TURN = 1.0
+T_TURN = 0.125
+"""Motor turns over which torques of a turning run are averaged before they enter the model. Detent torque and the
+drive's own inertia stay in the rotor: over a whole turn only what the wave generator carries is left. The output
+torque keeps what repeats a few times a turn."""
+
+MIN_SIDE = 4
+"""Samples on a side without which torques are left as they are."""
+
+MOVES = 1.0
+"""rad of travel at the motor beyond which a run turns; a locked sweep at rated torque makes 0.33 rad."""
+
+HELD_SPEED = 0.3
+"""rad/s at the motor; slower sweeps from hold to hold are held still."""
+
+SATURATED = 1 << 11
+"""Bit `internal limit active` of the CiA 402 status word."""
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """One run at one resolution. Arrays of shape (n,), None where not recorded.
+
+    `motor_position`, `output_position` rad; `T` and `M`: output and motor torque (N*m) as inputs of the springs,
+    smoothed; `play_load`, `play_drive` as inputs of a play, smoothed more; `output_torque`, `motor_torque` as recorded, `motor_current` motor current (A) where it cannot be
+    turned into a torque. `speed`: rad/s of the leg at the motor (at the output if only that is known), 0 outside legs.
+    `direction`: sign of the smoothed speed. `usable`: neither missing nor saturated; `steady`: inside a leg.
+    `moves`: the run turns, so that its measured angle is far larger than any torsion.
+    """
+
+    name: str
+    procedure: ProcedureName
+    replicate: str | None
+    time: Floats
+    period: float
+    motor_position: Floats | None
+    output_position: Floats | None
+    T: Floats | None
+    M: Floats | None
+    play_load: Floats | None
+    play_drive: Floats | None
+    output_torque: Floats | None
+    motor_torque: Floats | None
+    motor_current: Floats | None
+    speed: Floats
+    direction: Floats
+    usable: Flags
+    steady: Flags
+    moves: bool
+    held: bool
+    saturated: int
+
+    @property
+    def size(self) -> int:
+        """Number of samples."""
+        return int(self.time.size)
+
+
+def make_track(run: Run, dut: Dut) -> Track:
+    """Give the run at the rate of its log."""
+    sense = -1.0 if dut.gear.rotation is Rotation.SAME else 1.0
+    period = float(np.median(np.diff(run.time))) if run.time.size > 1 else 1.0
+    usable = np.ones(run.time.size, dtype=bool)
+
+    def signal(name: str, factor: float = 1.0) -> Floats | None:
+        values = run.signals.get(name)
+        if values is None or not np.any(np.isfinite(values)):
+            return None
+        good = np.isfinite(values)
+        if not good.all():
+            usable[~good] = False
+            values = np.interp(run.time, run.time[good], values[good])
+        return factor * np.asarray(values, dtype=float)
+
+    motor_position, output_position = signal("motor_position", sense), signal("output_position")
+    output_torque, motor_torque = signal("output_torque"), signal("motor_torque", sense)
+    current = None if motor_torque is not None else signal("motor_current", sense)
+    if current is not None and dut.motor.torque_constant is not None:
+        motor_torque, current = dut.motor.torque_constant * current, None
+    saturated = _saturated(run)
+    usable &= ~saturated
+    angle = motor_position if motor_position is not None else output_position
+    speed = np.zeros(run.time.size)
+    if angle is not None and run.time.size > 2:
+        recorded = None if motor_position is not None else signal("output_velocity")
+        speed = _smoothed_speed(run.time, angle, period) if recorded is None else recorded
+    leg_speed = _legs(speed, period)
+    travel = float(np.ptp(angle)) if angle is not None and angle.size else 0.0
+    moves = travel > MOVES if motor_position is not None else bool(np.any(leg_speed != 0))
+    turning = run.procedure in (ProcedureName.FREE_RUN, ProcedureName.BACKDRIVE)
+    held = not turning and float(np.median(np.abs(speed))) < HELD_SPEED and motor_position is not None
+    window, play_window = round(SIDE / period), round(PLAY_SIDE / period)
+    return Track(
+        name=run.name,
+        procedure=run.procedure,
+        replicate=run.replicate,
+        time=run.time,
+        period=period,
+        motor_position=motor_position,
+        output_position=output_position,
+        T=_over_turns(output_torque, leg_speed, period, T_TURN) if moves else _smooth(output_torque, window),
+        M=_over_turns(motor_torque, leg_speed, period, M_TURN) if moves else _smooth(motor_torque, window),
+        play_load=_smooth(output_torque, play_window),
+        play_drive=_smooth(motor_torque, play_window),
+        output_torque=output_torque,
+        motor_torque=motor_torque,
+        motor_current=current,
+        speed=leg_speed,
+        direction=np.sign(speed),
+        usable=usable,
+        steady=leg_speed != 0.0,
+        moves=moves,
+        held=held,
+        saturated=int(saturated.sum()),
+    )
+
+
+def thin_track(track: Track) -> Track:
+    """Average a run that does not turn over `SMOOTHING`; a turning run keeps every sample, since its lines are fast."""
+    factor = max(1, round(SMOOTHING / track.period))
+    if track.moves or factor == 1 or track.size < 2 * factor:
+        return track
+    count = track.size // factor
+
+    def mean(values: Floats | None) -> Floats | None:
+        return None if values is None else values[: count * factor].reshape(count, factor).mean(axis=1)
+
+    def pick(values: Floats) -> Floats:
+        return values[: count * factor].reshape(count, factor)[:, factor // 2]
+
+    usable: Flags = np.all(track.usable[: count * factor].reshape(count, factor), axis=1)
+    return replace(
+        track,
+        time=np.asarray(mean(track.time)),
+        period=track.period * factor,
+        motor_position=mean(track.motor_position),
+        output_position=mean(track.output_position),
+        T=mean(track.T),
+        M=mean(track.M),
+        play_load=mean(track.play_load),
+        play_drive=mean(track.play_drive),
+        output_torque=mean(track.output_torque),
+        motor_torque=mean(track.motor_torque),
+        motor_current=mean(track.motor_current),
+        speed=pick(track.speed),
+        direction=pick(track.direction),
+        usable=usable,
+        steady=pick(track.speed) != 0.0,
+    )
+
+
+def pick_rows(track: Track, rows: NDArray[np.intp]) -> Track:
+    """Keep the samples `rows` (m,) of a turning run; its laws have no memory."""
+
+    def pick(values: Floats | None) -> Floats | None:
+        return None if values is None else values[rows]
+
+    return replace(
+        track,
+        time=track.time[rows],
+        motor_position=pick(track.motor_position),
+        output_position=pick(track.output_position),
+        T=pick(track.T),
+        M=pick(track.M),
+        play_load=pick(track.play_load),
+        play_drive=pick(track.play_drive),
+        output_torque=pick(track.output_torque),
+        motor_torque=pick(track.motor_torque),
+        motor_current=pick(track.motor_current),
+        speed=track.speed[rows],
+        direction=track.direction[rows],
+        usable=track.usable[rows],
+        steady=track.steady[rows],
+    )
+
+
+def _smooth(values: Floats | None, side: int) -> Floats | None:
+    """Smooth by straight lines fitted before, around and after each sample, the better fitting ones weighing more.
+
+    A play ratchets along the extremes of noise, and a mean across the corner of a triangle cuts the corner: at a
+    corner only the line on the sample's own side fits. `side`: samples on either side.
+    """
+    if values is None or side < MIN_SIDE:
+        return values
+    n = values.size
+    before, around, after = (_straight(values, low, high) for low, high in ((-side, 0), (-side, side), (0, side)))
+    scatter = np.stack([before[1], around[1], after[1]])
+    least = np.maximum(scatter.min(axis=0), 1e-300)
+    # the variance of a fitted end point is four times, that of a centre once the mean's over half as many samples
+    weight = np.array([0.25, 2.0, 0.25])[:, None] * np.exp(-0.5 * side * (scatter / least - 1.0))
+    smoothed = (weight * np.stack([before[0], around[0], after[0]])).sum(axis=0) / weight.sum(axis=0)
+    return np.asarray(smoothed) if n > 2 * side else values
+
+
+def _over_turns(values: Floats | None, leg_speed: Floats, period: float, turns: float) -> Floats | None:
+    """Average over a share of a motor turn, leg by leg."""
+    if values is None:
+        return None
+    averaged = values.copy()
+    edges = np.flatnonzero(np.diff(leg_speed, prepend=np.nan, append=np.nan) != 0)
+    for start, stop in itertools.pairwise(edges.tolist()):
+        if leg_speed[start] != 0.0:
+            width = round(turns * 2.0 * np.pi / abs(leg_speed[start]) / period)
+            width = max(1, min(width, stop - start))
+            averaged[start:stop] = uniform_filter1d(values[start:stop], width, mode="reflect")
+    return averaged
+
+
+def _straight(values: Floats, low: int, high: int) -> tuple[Floats, Floats]:
+    """Fit a line to the samples from k+low to k+high around every k; give its value at k and the residual variance."""
+    n = values.size
+    k = np.arange(n)
+    first, last = np.clip(k + low, 0, n - 3), np.clip(k + high, 2, n - 1)
+    first, last = np.minimum(first, last - 2), np.maximum(last, first + 2)
+    offset = values - values.mean()
+    sums = [np.concatenate([[0.0], np.cumsum(x)]) for x in (offset, offset * k, offset**2)]
+    count = (last - first + 1).astype(float)
+    y, ty, yy = (s[last + 1] - s[first] for s in sums)
+    middle = 0.5 * (first + last)
+    spread = count * (count**2 - 1.0) / 12.0
+    slope = (ty - middle * y) / spread
+    variance = np.maximum(yy - y**2 / count - slope**2 * spread, 0.0) / np.maximum(count - 2.0, 1.0)
+    return values.mean() + y / count + slope * (k - middle), variance
+
+
+def _saturated(run: Run) -> Flags:
+    words = run.signals.get("status_word")
+    if words is None:
+        return np.zeros(run.time.size, dtype=bool)
+    saturated: Flags = (np.nan_to_num(words).astype(np.int64) & SATURATED) != 0
+    return saturated
+
+
+def _smoothed_speed(time: Floats, angle: Floats, period: float) -> Floats:
+    half = max(1, round(0.5 * SPEED_WINDOW / period))
+    index = np.arange(time.size)
+    low, high = np.maximum(index - half, 0), np.minimum(index + half, time.size - 1)
+    return (angle[high] - angle[low]) / (time[high] - time[low])
+
+
+def _legs(speed: Floats, period: float) -> Floats:
+    """Give the speed of the leg that each sample belongs to, 0 outside legs, shape as `speed`."""
+    found = np.zeros(speed.size)
+    size = np.abs(speed)
+    if not size.size or size.max() == 0.0:
+        return found
+    reach = max(1, round(0.15 / period))
+    index = np.arange(speed.size)
+    change = np.abs(speed[np.minimum(index + reach, speed.size - 1)] - speed[np.maximum(index - reach, 0)])
+    calm = (change < SPEED_BAND * size) & (size > 0.01 * size.max())
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], (calm * np.sign(speed)).astype(int), [0]])))
+    cut = round(LEG_END / period)
+    for start, stop in itertools.pairwise(edges.tolist()):
+        if not calm[start] or stop - start < 2 * cut + SHORTEST_LEG / period:
+            continue
+        set_speed = float(np.median(speed[start:stop]))
+        inside = slice(start + cut, stop - cut)
+        found[inside] = np.where(np.abs(speed[inside] - set_speed) <= SPEED_BAND * abs(set_speed), set_speed, 0.0)
+    return found

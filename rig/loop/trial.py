@@ -1,0 +1,246 @@
+"""How much a further term would explain: gain, its significance whatever the noise, and leave-one-run-out.
+
+The test statistic is Hotelling's T**2 of the term's scores summed over blocks of time, the base model projected out.
+If the blocks' noise is symmetric about zero and independent between blocks (colour inside a block, heavy tails and
+noise that grows with load are all allowed), then for any number of blocks
+
+    P(T**2 > x) <= 2 e**3 / 9 * P(chi2_d > x)
+
+so that no bootstrap is needed and a p-value may be as small as the number of tests demands.
+Source: Pinelis, "Extremal probabilistic problems and Hotelling's T2 test under a symmetry condition", Ann. Statist.
+22 (1994) 357-368.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from rig.loop.equations import Equation
+from rig.loop.fit import Fit
+from rig.loop.normal import LinearPiece, solve
+from rig.loop.terms import Line, TermClass, line_values
+
+Floats = NDArray[np.float64]
+
+PINELIS = 2.0 * math.e**3 / 9.0
+"""Constant of the bound on the tail."""
+
+ABSORBED = 1e-6
+"""A term of which the base leaves less than this share of its squares is not a term of its own."""
+
+SPEED_STEP = 0.05
+"""Relative difference of speeds that are told apart."""
+
+LEAST_EXPECTED = 10.0
+"""Weighted squares that a term must be expected to explain under a condition before that condition has a say."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One candidate on top of a fit.
+
+    `gain`: reduction of the weighted squares. `statistic`: T**2 with `columns` degrees of freedom. `amplitudes` (k,).
+    `share`: largest relative reduction of the squares of one equation. `improved`: share of the runs that carry the
+    term which are better predicted from the others with it; `pays`: relative reduction of the squares left out.
+    """
+
+    label: str
+    gain: float
+    statistic: float
+    columns: int
+    amplitudes: Floats
+    share: float
+    improved: float
+    pays: float
+
+    @property
+    def single_p(self) -> float:
+        """Bound on the p-value of this candidate alone."""
+        return min(1.0, PINELIS * float(chi2.sf(self.statistic, self.columns)))
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """What all trials on one fit share: inverse of the normal matrix, block sums of the base's scores, base folds."""
+
+    fit: Fit
+    inverse: Floats
+    base_scores: tuple[Floats, ...]
+    block_count: int
+
+
+def prepare(fit: Fit) -> Ground:
+    """Compute what all trials on `fit` share."""
+    A = fit.normal.A.sum(axis=0) + np.diag(fit.prior)
+    scores = tuple(item.block_sums(item.jacobian * (item.weight * item.residual)[:, None]) for item in fit.linear)
+    count = 1 + max((int(item.blocks.max()) for item in fit.linear), default=0)
+    return Ground(fit, solve(A, np.eye(A.shape[0])), scores, count)
+
+
+def line_columns(item: LinearPiece, kind: TermClass, order: float) -> Floats | None:
+    """Give sine and cosine column (m, 2) of a line in one piece, centred; None if the line does not act there."""
+    position = item.evaluation.positions.get(kind.variable)
+    if position is None or not acts(item, kind):
+        return None
+    values = line_values(Line(kind, order), position)
+    sine, cosine, _ = item.evaluation.columns(kind, values, item.piece.index)
+    return item.centred(np.column_stack([sine, cosine]))
+
+
+def acts(item: LinearPiece, kind: TermClass) -> bool:
+    """Whether a term of this kind has a column in the piece."""
+    entry, evaluation = kind.entry, item.evaluation
+    if evaluation.angle and entry.is_angle:
+        return True
+    name = entry.value
+    if name.startswith("motor"):
+        return evaluation.motor is not None
+    if name.startswith("output"):
+        return evaluation.load is not None
+    return entry.value == "torsion" and evaluation.motor is not None and bool(np.any(evaluation.torque))
+
+
+def try_columns(ground: Ground, label: str, columns: Sequence[Floats | None]) -> Trial:
+    """Score a candidate given by its columns (m, k) in every piece of the fit (None: it does not act there)."""
+    fit = ground.fit
+    size = next((c.shape[1] for c in columns if c is not None), 0)
+    if size == 0:
+        return _nothing(label, 1)
+    runs = len(fit.normal.runs)
+    cross = np.zeros((runs, size, fit.columns.size))
+    own, pull = np.zeros((runs, size, size)), np.zeros((runs, size))
+    blocks = np.zeros((ground.block_count, size))
+    for item, column in zip(fit.linear, columns, strict=True):
+        if column is None:
+            continue
+        row = fit.normal.runs.index(item.piece.track.name)
+        weighted = item.weight * column
+        cross[row] += weighted.T @ item.jacobian
+        own[row] += weighted.T @ column
+        scores = weighted * item.residual[:, None]
+        pull[row] += scores.sum(axis=0)
+        np.add.at(blocks, item.blocks, item.block_sums(scores))
+    total_cross = cross.sum(axis=0)
+    projector = total_cross @ ground.inverse
+    for item, base in zip(fit.linear, ground.base_scores, strict=True):
+        np.add.at(blocks, item.blocks, -base @ projector.T)
+    schur = own.sum(axis=0) - projector @ total_cross.T
+    score = pull.sum(axis=0) - projector @ (fit.normal.g.sum(axis=0) + fit.pull)
+    if np.any(np.diag(schur) <= ABSORBED * np.diag(own.sum(axis=0))):
+        return _nothing(label, size)
+    amplitudes = solve(schur, score)
+    summed = blocks.sum(axis=0)
+    statistic = float(summed @ solve(blocks.T @ blocks, summed))
+    share, carrying = _where(ground, columns, projector, amplitudes)
+    left, without = _leave_out(fit, cross, own, pull)
+    total = float(without[carrying].sum())
+    return Trial(
+        label=label,
+        gain=float(score @ amplitudes),
+        statistic=statistic,
+        columns=size,
+        amplitudes=amplitudes,
+        share=share,
+        improved=float(np.mean(left[carrying] < without[carrying])) if carrying.any() else 0.0,
+        pays=1.0 - float(left[carrying].sum()) / total if total > 0 else 0.0,
+    )
+
+
+def _nothing(label: str, size: int) -> Trial:
+    return Trial(label, 0.0, 0.0, size, np.zeros(size), 0.0, 0.0, 0.0)
+
+
+def _where(
+    ground: Ground, columns: Sequence[Floats | None], projector: Floats, amplitudes: Floats
+) -> tuple[float, NDArray[np.bool_]]:
+    """Give the largest share of an equation's squares that is explained, and which runs carry the term."""
+    fit = ground.fit
+    expected_run = np.zeros(len(fit.normal.runs))
+    by_equation: dict[Equation, list[float]] = {}
+    for item, column in zip(fit.linear, columns, strict=True):
+        explained = -(item.jacobian @ (projector.T @ amplitudes))
+        if column is not None:
+            explained = explained + column @ amplitudes
+        expected = item.weight * float(explained @ explained)
+        expected_run[fit.normal.runs.index(item.piece.track.name)] += expected
+        equation = by_equation.setdefault(item.piece.equation, [0.0, 0.0])
+        equation[0] += 2.0 * item.weight * float(explained @ item.residual) - expected
+        equation[1] += item.weight * float(item.residual @ item.residual)
+    total = float(expected_run.sum())
+    share = max((actual / squares for actual, squares in by_equation.values() if squares > 0), default=0.0)
+    return share, expected_run >= 0.2 * total / expected_run.size
+
+
+def consistent(fit: Fit, number: int) -> bool:
+    """Tell whether a fitted line explains at least half of what it should under every condition that should show it.
+
+    A condition is an equation, a procedure and, where the run turns, a speed.
+    """
+    line, place = fit.model.lines[number], fit.columns.of_line(number)
+    found: dict[tuple[Equation, str], list[float]] = {}
+    for item in fit.linear:
+        column = line.sine * item.jacobian[:, place.start] + line.cosine * item.jacobian[:, place.start + 1]
+        expected = item.weight * column**2
+        actual = 2.0 * item.weight * column * item.residual + expected
+        names, member = _conditions(item)
+        for k, name in enumerate(names):
+            sums = found.setdefault((item.piece.equation, name), [0.0, 0.0])
+            sums[0] += float(expected[member == k].sum())
+            sums[1] += float(actual[member == k].sum())
+    total = sum(expected for expected, _ in found.values())
+    return all(a >= 0.5 * e for e, a in found.values() if e > max(LEAST_EXPECTED, 0.02 * total))
+
+
+def _conditions(item: LinearPiece) -> tuple[list[str], NDArray[np.intp]]:
+    """Give the conditions of a piece, procedure and speed of the leg, and which of them each sample (m,) was taken in.
+
+    Counting an angle at constant speed beats with the sampling and leaves lines that no other speed shows.
+    """
+    track = item.piece.track
+    if not track.moves:
+        return [track.procedure.value], np.zeros(item.residual.size, dtype=np.intp)
+    speed = np.abs(track.speed[item.piece.index])
+    band = np.round(np.log(np.maximum(speed, 1e-9)) / SPEED_STEP).astype(int)
+    bands, member = np.unique(band, return_inverse=True)
+    return [f"{track.procedure.value} {number}" for number in bands], member.astype(np.intp)
+
+
+def _leave_out(fit: Fit, cross: Floats, own: Floats, pull: Floats) -> tuple[Floats, Floats]:
+    normal = fit.normal
+    p, k = fit.columns.size, own.shape[1]
+    A = np.zeros((len(normal.runs), p + k, p + k))
+    A[:, :p, :p], A[:, p:, p:] = normal.A, own
+    A[:, p:, :p], A[:, :p, p:] = cross, np.swapaxes(cross, 1, 2)
+    g = np.concatenate([normal.g, pull], axis=1)
+    joint = type(normal)(normal.runs, A, g, normal.squares)
+    prior, slope = np.concatenate([fit.prior, np.zeros(k)]), np.concatenate([fit.pull, np.zeros(k)])
+    return joint.leave_one_out(prior, slope), normal.leave_one_out(fit.prior, fit.pull)
+
+
+def try_line(ground: Ground, kind: TermClass, order: float) -> Trial:
+    """Score a line of this kind and order."""
+    return try_columns(ground, kind.id, [line_columns(item, kind, order) for item in ground.fit.linear])
+
+
+def line_gain(ground: Ground, kind: TermClass, order: float) -> float:
+    """Give the gain alone: what the search for the order maximises."""
+    fit = ground.fit
+    size = fit.columns.size
+    own, score, cross = np.zeros((2, 2)), np.zeros(2), np.zeros((2, size))
+    for item in fit.linear:
+        column = line_columns(item, kind, order)
+        if column is not None:
+            weighted = item.weight * column
+            cross += weighted.T @ item.jacobian
+            own += weighted.T @ column
+            score += weighted.T @ item.residual
+    projector = cross @ ground.inverse
+    schur = own - projector @ cross.T
+    score = score - projector @ (fit.normal.g.sum(axis=0) + fit.pull)
+    if np.any(np.diag(schur) <= ABSORBED * np.maximum(np.diag(own), 1e-300)):
+        return 0.0
+    return float(score @ solve(schur, score))
