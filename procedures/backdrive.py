@@ -20,6 +20,7 @@ from procedures.motions import RELEASE_TIME, RELEASED, dwell, load_torque, obser
 from procedures.plan import BenchFacts, PlannedRun, Procedure, parameter
 from procedures.ramp_to_motion import (
     BreakawayRamp,
+    RecordedRamp,
     both_directions,
     breakaway_measurements,
     evaluate_ramp,
@@ -153,7 +154,7 @@ def _held_steps(p: Backdrive, points: tuple[float, ...], rate: float, facts: Ben
     yield from observed(sweeps, travel_guard(rest, p.travel_max, "the motor does not hold its angle"))
     yield from release(facts.cycle_time)
     meaning = "half width of the loop in motor torque at zero output torque, times the ratio"
-    return evaluate_loop(legs, Driven(-1.0, "friction_level", facts.ratio, meaning), facts)
+    return partial(evaluate_loop, legs, Driven(-1.0, "friction_level", facts.ratio, meaning), facts)
 
 
 def _plan_free(p: Backdrive, facts: BenchFacts, allowed: float, check: Checks) -> Iterator[PlannedRun]:
@@ -188,6 +189,10 @@ def _free_runs(p: Backdrive, ramp: BreakawayRamp, facts: BenchFacts) -> Iterator
 def _free_steps(p: Backdrive, ramp: BreakawayRamp, facts: BenchFacts) -> Steps:
     shape = load_torque()
     ramps = yield from both_directions(ramp, p.dwell, p.settle, facts.backdriving_torque, shape, facts.cycle_time)
+    return partial(_evaluate_free, ramps, facts)
+
+
+def _evaluate_free(ramps: tuple[RecordedRamp, ...], facts: BenchFacts) -> Result:
     found: list[Measurement] = []
     for done in ramps:
         # Pushed at the output, an opposed drive turns its wave generator backward.

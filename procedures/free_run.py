@@ -140,6 +140,10 @@ def _steps(p: FreeRun, speed: float, facts: BenchFacts) -> Steps:
         yield from _leg(p, direction, sign * speed, facts, recording)
         legs.append(recording)
     yield from release(facts.cycle_time)
+    return partial(_evaluate, p, speed, legs, facts)
+
+
+def _evaluate(p: FreeRun, speed: float, legs: list[Recording], facts: BenchFacts) -> Result:
     turns = max(1, round(p.turns * facts.ratio))
     forward, backward = (leg_mean(leg.columns()[0], turns) for leg in legs)
     error = 0.5 * math.hypot(forward.uncertainty, backward.uncertainty)

@@ -1,10 +1,11 @@
 """What a procedure may ask of the bench. Each intent is data; only the runner carries it out.
 
-A procedure is a generator: it yields an intent and receives the sample of the cycle that followed.
+A procedure is a generator: it yields an intent and receives the sample of the cycle that followed. It returns how
+its result is computed, not the result: that takes longer than a cycle, and is done when the bench is safe.
 `Command` takes exactly one control cycle; the others take no cycle of their own and return the latest sample.
 """
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 
 from drivers.types import Sample, Setpoint
@@ -48,9 +49,6 @@ class Ask:
 Intent = Command | Mark | SetLock | Tare | Ask
 """Every intent there is."""
 
-Steps = Generator[Intent, Sample, "Result"]
-"""A running procedure: yields intents, receives samples, returns its result."""
-
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
@@ -68,3 +66,10 @@ class Result:
     """What one run measured."""
 
     measurements: tuple[Measurement, ...] = ()
+
+
+Evaluation = Callable[[], Result]
+"""Computes a run's result from what the procedure recorded."""
+
+Steps = Generator[Intent, Sample, Evaluation]
+"""A running procedure: yields intents, receives samples, returns how its result is computed."""

@@ -150,7 +150,7 @@ def _steps(p: LockedOutput, sweep: Sweep, facts: BenchFacts) -> Steps:
     yield from observed(sweeps, travel_guard(rest, p.travel_max, "the output is not held"))
     yield from release(facts.cycle_time)
     driven = Driven(1.0, "friction_torque", 1.0, "half width of the loop in motor torque at zero output torque")
-    return evaluate_loop(legs, driven, facts)
+    return partial(evaluate_loop, legs, driven, facts)
 
 
 PROCEDURE = Procedure(

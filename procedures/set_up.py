@@ -37,7 +37,7 @@ def set_up_run(
             yield from dwell(SETTLE, RELEASED, facts.cycle_time)
         if locked:
             yield SetLock(True)
-        return Result()
+        return Result
 
     duration = SETTLE + (SETTLE if tare else 0.0)
     if angle is not None:

@@ -15,6 +15,7 @@ from procedures.motions import motor_torque
 from procedures.plan import BenchFacts, PlannedRun, Procedure, parameter
 from procedures.ramp_to_motion import (
     BreakawayRamp,
+    RecordedRamp,
     both_directions,
     breakaway_measurements,
     evaluate_ramp,
@@ -100,6 +101,10 @@ def _runs(p: StartingTorque, ramp: BreakawayRamp, facts: BenchFacts) -> Iterator
 def _steps(p: StartingTorque, ramp: BreakawayRamp, facts: BenchFacts) -> Steps:
     shape = motor_torque()
     ramps = yield from both_directions(ramp, p.dwell, p.settle, facts.starting_torque, shape, facts.cycle_time)
+    return partial(_evaluate, ramps, facts)
+
+
+def _evaluate(ramps: tuple[RecordedRamp, ...], facts: BenchFacts) -> Result:
     found: list[Measurement] = []
     for done in ramps:
         breakaway = evaluate_ramp(done, TURN / facts.motor_counts, 1.0)

@@ -14,6 +14,7 @@ from drivers.errors import ConfigError, CycleError, DriveFaultError, Mistake, No
 from drivers.registry import all_drivers
 from drivers.types import Axis, DeviceEvent, DeviceInfo, DriveReading, DriveState, Mode, Sample, Setpoint
 from rig.config.bench import BenchFile
+from rig.operator import Answered
 
 STALE_CYCLES = 5
 """A device that has not answered for this many cycles makes the bench stop."""
@@ -25,8 +26,8 @@ Transports = Mapping[tuple[str, str], Any]
 class FixtureLock(Protocol):
     """What locks the output to the frame."""
 
-    def set_lock(self, locked: bool) -> None:
-        """Lock or release the output; returns when it is done. Raises AbortedError if it is refused."""
+    def set_lock(self, locked: bool) -> Answered:
+        """Begin to lock or release the output; look at what it returns until it is true."""
 
 
 class CycleReport(NamedTuple):
@@ -213,13 +214,13 @@ class Bench:
             )
         return sensor.tare()
 
-    def set_lock(self, locked: bool) -> None:
-        """Lock or release the output through the bench's fixture."""
+    def set_lock(self, locked: bool) -> Answered:
+        """Begin to lock or release the output through the bench's fixture; it is done when the answer is true."""
         if self.fixture is None:
             raise ConfigError(
                 self.config.name, [Mistake("fixture.lock", "none", "this procedure locks and releases the output")]
             )
-        self.fixture.set_lock(locked)
+        return self.fixture.set_lock(locked)
 
     def close(self) -> None:
         """Close every device and bus; the first failure is raised when all have been tried."""

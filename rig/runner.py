@@ -12,12 +12,12 @@ from typing import Protocol
 
 from drivers.errors import AbortedError, ConfigError, CycleError, LimitError, Mistake, NotConnectedError, RigError
 from drivers.types import Axis, DeviceEvent, DriveState, Mode, Sample, Setpoint
-from procedures.intents import Ask, Command, Intent, Mark, Result, SetLock, Steps, Tare
+from procedures.intents import Ask, Command, Evaluation, Intent, Mark, Result, SetLock, Steps, Tare
 from rig.bench import Bench
 from rig.config.bench import Reaction
 from rig.limits import LimitWatch
 from rig.log.run import RunEvent
-from rig.operator import Operator
+from rig.operator import Answered, Operator
 from rig.stop import Stop
 
 LISTENING_TIME = 0.5
@@ -69,10 +69,13 @@ class SafeState:
 
 @dataclass(frozen=True, slots=True)
 class RunOutcome:
-    """How a run ended and what it gave. `extremes`: largest magnitude of each signal seen, in its SI unit."""
+    """How a run ended. `evaluate` computes its result, which may take longer than the drives wait for a heartbeat.
+
+    `extremes`: largest magnitude of each signal seen, in its SI unit.
+    """
 
     status: Status
-    result: Result
+    evaluate: Evaluation
     cycles: int
     late: int
     missing: int
@@ -96,9 +99,9 @@ def execute(
     """
     run = _Execution(bench, log, operator, stop, on_progress)
     error: RigError | None = None
-    result = Result()
+    evaluate: Evaluation = Result
     try:
-        result = run.to_the_end(steps)
+        evaluate = run.to_the_end(steps)
     except RigError as caught:
         error = caught
         run.say("error", str(caught))
@@ -109,7 +112,7 @@ def execute(
         run.listen_for_the_cause(error)
     return RunOutcome(
         status=_status(error),
-        result=result,
+        evaluate=evaluate,
         cycles=run.index,
         late=run.late,
         missing=run.missing,
@@ -176,8 +179,8 @@ class _Execution:
         """Put an event into the log at the present time."""
         self._log.event(RunEvent(self.time, kind, text))
 
-    def to_the_end(self, steps: Steps) -> Result:
-        """Drive the generator until it returns."""
+    def to_the_end(self, steps: Steps) -> Evaluation:
+        """Drive the generator until it returns; give how its result is computed."""
         sample = self._cycle()
         intent = next(steps)
         try:
@@ -190,7 +193,8 @@ class _Execution:
                     self._carry_out(intent)
                 intent = steps.send(sample)
         except StopIteration as end:
-            return end.value if isinstance(end.value, Result) else Result()
+            evaluate: Evaluation = end.value
+            return evaluate
 
     def _carry_out(self, intent: Intent) -> None:
         match intent:
@@ -200,8 +204,7 @@ class _Execution:
             case SetLock(locked):
                 self._require_released("the output lock may only change")
                 self.say("operator", "lock the output" if locked else "release the output")
-                with self._stop.interruptible(self._phase.phase):
-                    self._bench.set_lock(locked)
+                self._wait_for(self._bench.set_lock(locked))
                 self.watch.start_travel()
                 self._reschedule()
             case Tare():
@@ -211,11 +214,14 @@ class _Execution:
             case Ask(text):
                 self._require_released("the operator may only be asked")
                 self.say("operator", text)
-                with self._stop.interruptible(self._phase.phase):
-                    self._operator.confirm(text)
-                self._reschedule()
+                self._wait_for(self._operator.ask(text))
             case Command():
                 raise ValueError("a Command takes a cycle of its own")
+
+    def _wait_for(self, answered: Answered) -> None:
+        """Keep the cycle running, with both axes released, until the operator has answered."""
+        while not answered():
+            self._cycle()
 
     def _require_released(self, what: str) -> None:
         if not self._released:

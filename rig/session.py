@@ -5,18 +5,19 @@ A run that does not end as planned ends the session: a fault or a limit never co
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from drivers.errors import ConfigError, Mistake
+from drivers.errors import ConfigError, Mistake, RigError
 from drivers.types import DeviceInfo
 from procedures.intents import Result
 from procedures.plan import BenchFacts, PlannedRun, Procedure
 from rig.bench import Bench
 from rig.config.bench import Lock
-from rig.config.dut import Dut
+from rig.config.dut import Dut, Rotation
 from rig.log.writer import LogWriter
 from rig.operator import Operator
 from rig.provenance import git_state, operator_name, software_version
@@ -42,13 +43,15 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class RunRecord:
-    """One run that was carried out: its name, log file, and how it ended."""
+    """One run that was carried out: its name, log file, how it ended, what it measured, the error that ended it."""
 
     procedure: str
     name: str
     file: Path
     set_up: bool
     outcome: RunOutcome
+    result: Result
+    error: RigError | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +108,7 @@ def bench_facts(bench: Bench, dut: Dut) -> BenchFacts:
         has_lock=bench.config.fixture.lock is not Lock.NONE,
         has_output_encoder=bench.has("output_encoder"),
         has_torque_sensor=bench.has("torque_sensor"),
+        opposed=gear.rotation is Rotation.OPPOSED,
     )
 
 
@@ -128,36 +132,42 @@ def check_equipment(job: Job, facts: BenchFacts) -> None:
         raise ConfigError("bench", mistakes)
 
 
-def run_jobs(
-    bench: Bench,
-    jobs: Sequence[Job],
-    dut: Dut,
-    provenance: Provenance,
-    out: Path,
-    operator: Operator,
-    stop: Stop,
-    watcher: Watcher | None = None,
-) -> tuple[JobRecord, ...]:
-    """Run every job on the opened bench and log into `out`. Raises the error that ended a run early."""
-    watcher = watcher or Watcher()
-    facts = bench_facts(bench, dut)
+@dataclass(frozen=True, slots=True)
+class Session:
+    """Where and with whom runs are carried out: bench (closed between runs), device, output folder, operator."""
+
+    bench: Bench
+    dut: Dut
+    provenance: Provenance
+    out: Path
+    operator: Operator
+    stop: Stop
+    watcher: Watcher = field(default_factory=Watcher)
+
+
+def run_jobs(session: Session, jobs: Sequence[Job]) -> tuple[JobRecord, ...]:
+    """Run every job and log into the session's folder. Raises the error that ended a run early.
+
+    The bench is opened and closed around each run: every run starts from devices that were configured and read back
+    just before, and nothing waits for a heartbeat while results are computed.
+    """
+    facts = bench_facts(session.bench, session.dut)
     plans: list[tuple[Job, tuple[PlannedRun, ...]]] = []
     for job in jobs:
         check_equipment(job, facts)
         plans.append((job, _repeated(job.procedure.plan(job.parameters, facts), job.repeat)))
-    infos = bench.open()
     records = []
     for job, plan in plans:
         runs = []
         for number, planned in enumerate(plan, start=1):
-            watcher.on_run(job.procedure.name, planned, number, len(plan))
-            record = _run(bench, job, planned, dut, provenance, infos, out, operator, stop, watcher)
-            watcher.on_end(record)
+            session.watcher.on_run(job.procedure.name, planned, number, len(plan))
+            record = _run(session, job, planned)
+            session.watcher.on_end(record)
             runs.append(record)
-            if record.outcome.error is not None:
-                record.outcome.error.add_note(f"The log up to here is complete: {record.file}")
-                raise record.outcome.error
-        measured = tuple(record.outcome.result for record in runs if not record.set_up)
+            if record.error is not None:
+                record.error.add_note(f"The log up to here is complete: {record.file}")
+                raise record.error
+        measured = tuple(record.result for record in runs if not record.set_up)
         records.append(JobRecord(job.procedure.name, tuple(runs), job.procedure.summarise(measured)))
     return tuple(records)
 
@@ -173,21 +183,43 @@ def _repeated(plan: tuple[PlannedRun, ...], repeat: int) -> tuple[PlannedRun, ..
     )
 
 
-def _run(
-    bench: Bench,
-    job: Job,
-    planned: PlannedRun,
-    dut: Dut,
-    provenance: Provenance,
-    infos: tuple[DeviceInfo, ...],
-    out: Path,
-    operator: Operator,
-    stop: Stop,
-    watcher: Watcher,
-) -> RunRecord:
-    folder = out / SET_UP_FOLDER if planned.set_up else out
+def _run(session: Session, job: Job, planned: PlannedRun) -> RunRecord:
+    bench = session.bench
+    folder = session.out / SET_UP_FOLDER if planned.set_up else session.out
     file = _free_name(folder, f"{job.procedure.name}-{planned.name}")
-    begin_ns = bench.clock.epoch_ns() + round(bench.clock.now() * 1e9)
+    outcome: RunOutcome | None = None
+    result, error = Result(), None
+    try:
+        log = _open_log(session, job, planned, file, bench.open())
+        try:
+            outcome = execute(bench, planned.steps(), log, session.operator, session.stop, session.watcher.on_progress)
+            error = _closed(bench, outcome.error)
+            if error is None:
+                result = outcome.evaluate()
+        finally:
+            log.close(_outcome_record(outcome, result, error))
+    finally:
+        with suppress(RigError):  # the error that led here says more; a bench that was closed already stays so
+            bench.close()
+    return RunRecord(job.procedure.name, planned.name, file, planned.set_up, outcome, result, error)
+
+
+def _closed(bench: Bench, error: RigError | None) -> RigError | None:
+    """Close the bench; give the run's error with a failure to close added, or that failure alone."""
+    try:
+        bench.close()
+    except RigError as closing:
+        if error is None:
+            return closing
+        error.add_note(f"Closing the bench failed too: {closing}")
+    return error
+
+
+def _open_log(
+    session: Session, job: Job, planned: PlannedRun, file: Path, devices: tuple[DeviceInfo, ...]
+) -> LogWriter:
+    clock, provenance = session.bench.clock, session.provenance
+    begin_ns = clock.epoch_ns() + round(clock.now() * 1e9)
     info = {
         "run_id": f"{file.stem}@{begin_ns}",
         "procedure": "other" if planned.set_up else job.procedure.name,
@@ -195,28 +227,22 @@ def _run(
         "replicate": planned.replicate,
         "start_angle": None if planned.start_angle is None else repr(planned.start_angle),
         "operator": provenance.operator,
-        "dut": dut.name,
-        "bench": bench.config.name,
+        "dut": session.dut.name,
+        "bench": session.bench.config.name,
         "backend": provenance.backend,
         "software": provenance.software,
         "git": provenance.git,
         "epoch_ns": str(begin_ns),
         "started": datetime.fromtimestamp(begin_ns / 1e9, UTC).isoformat(),
-        "devices": json.dumps([_device(info) for info in infos]),
+        "devices": json.dumps([_device(device) for device in devices]),
     }
-    log = LogWriter(
+    return LogWriter(
         file,
         {key: value for key, value in info.items() if value},
         attachments={"bench.toml": provenance.bench_text.encode(), "dut.toml": provenance.dut_text.encode()},
-        cycle_rate=bench.config.cycle_rate,
+        cycle_rate=session.bench.config.cycle_rate,
         epoch_ns=begin_ns,
     )
-    outcome: RunOutcome | None = None
-    try:
-        outcome = execute(bench, planned.steps(), log, operator, stop, watcher.on_progress)
-    finally:
-        log.close(_outcome_record(outcome))
-    return RunRecord(job.procedure.name, planned.name, file, planned.set_up, outcome)
 
 
 def _device(info: DeviceInfo) -> dict[str, object]:
@@ -230,7 +256,7 @@ def _device(info: DeviceInfo) -> dict[str, object]:
     }
 
 
-def _outcome_record(outcome: RunOutcome | None) -> Mapping[str, str]:
+def _outcome_record(outcome: RunOutcome | None, result: Result, error: RigError | None) -> Mapping[str, str]:
     """Give the log's closing record; an outcome of None means that the program itself failed."""
     if outcome is None:
         return {"status": str(Status.ERROR), "error": "the program failed; see its message"}
@@ -244,10 +270,10 @@ def _outcome_record(outcome: RunOutcome | None) -> Mapping[str, str]:
         "safe_state": json.dumps({"reaction": safe.reaction, "states": dict(safe.states), "problem": safe.problem}),
         "safe_state_confirmed": str(safe.confirmed).lower(),
         "extremes": json.dumps(dict(outcome.extremes)),
-        "measurements": json.dumps([asdict(m) for m in outcome.result.measurements]),
+        "measurements": json.dumps([asdict(m) for m in result.measurements]),
     }
-    if outcome.error is not None:
-        record["error"] = str(outcome.error)
+    if error is not None:
+        record["error"] = " ".join([str(error), *getattr(error, "__notes__", [])])
     return record
 
 

@@ -11,6 +11,7 @@ from rig.bench import Bench
 from rig.config.bench import SIMULATED, BenchFile, Device, Lock
 from rig.config.dut import Dut, default_dut
 from rig.loop.model_file import Model
+from rig.operator import Answered
 from sim_backend.errors import ModelError
 from sim_backend.model.effects import CATALOGUE, ActiveEffect
 from sim_backend.model.parameters import HarmonicDrive, PlantConfig
@@ -37,6 +38,18 @@ class SimulatedBench:
     world: World
     plant: Plant
     assumed: tuple[str, ...]
+
+
+class _WorldLock:
+    """The fixture of the simulated bench; it needs no time and no hands."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+
+    def set_lock(self, locked: bool) -> Answered:
+        """Lock or release the output at once."""
+        self._world.set_lock(locked)
+        return lambda: True
 
 
 def as_simulated(bench: BenchFile) -> BenchFile:
@@ -81,7 +94,7 @@ def simulate(
             bench.name,
             [Mistake("devices", sorted(keys), "the simulated bench has one bus; give its devices one channel")],
         )
-    fixture = world if bench.fixture.lock is Lock.SIMULATED else None
+    fixture = _WorldLock(world) if bench.fixture.lock is Lock.SIMULATED else None
     clock = VirtualClock(world)
     return SimulatedBench(Bench(bench, clock, fixture, dict.fromkeys(keys, world.bus)), world, plant, tuple(assumed))
 

@@ -17,7 +17,6 @@ class Stop:
 
     def __init__(self) -> None:
         self.by: str | None = None
-        self._waiting_for_a_person = False
 
     def request(self, by: str) -> None:
         """Ask the run to stop at its next cycle."""
@@ -30,23 +29,11 @@ class Stop:
             raise AbortedError(self.by, phase=phase)
 
     @contextmanager
-    def interruptible(self, phase: str) -> Iterator[None]:
-        """Let a signal end the enclosed wait for a person at once; no axis may be energised in it."""
-        self.check(phase)
-        self._waiting_for_a_person = True
-        try:
-            yield
-        finally:
-            self._waiting_for_a_person = False
-
-    @contextmanager
     def listening(self) -> Iterator["Stop"]:
         """Turn the process's stop signals into requests while the block runs."""
 
         def on_signal(number: int, _frame: FrameType | None) -> None:
             self.request(signal.Signals(number).name)
-            if self._waiting_for_a_person:
-                raise AbortedError(signal.Signals(number).name, phase="waiting for the operator")
 
         before = {number: signal.signal(number, on_signal) for number in STOP_SIGNALS}
         try:

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from drivers.clock import Clock, RealClock
-from drivers.errors import AbortedError, ConfigError, LimitError, Mistake, RigError
+from drivers.errors import ConfigError, LimitError, Mistake
 from procedures.intents import Measurement, Result
 from procedures.plan import PlannedRun, build_parameters
 from procedures.registry import PROCEDURES
@@ -16,9 +16,9 @@ from rig.bench import Bench, FixtureLock
 from rig.config.bench import BenchFile, Lock, load_bench
 from rig.config.dut import Dut, default_dut, load_dut
 from rig.loop.model_file import Model, load_model
-from rig.operator import ConsentGiven, Operator, SimulatedOperator, TerminalOperator
+from rig.operator import Answered, ConsentGiven, Operator, SimulatedOperator, TerminalOperator
 from rig.runner import Progress
-from rig.session import Job, JobRecord, Provenance, RunRecord, Watcher, margin_table, run_jobs
+from rig.session import Job, JobRecord, Provenance, RunRecord, Session, Watcher, margin_table, run_jobs
 from rig.simulation import as_simulated, simulate
 from rig.stop import Stop
 from rig.terminal import emit, tell
@@ -45,9 +45,9 @@ class OperatorLock:
     def __init__(self, operator: Operator) -> None:
         self._operator = operator
 
-    def set_lock(self, locked: bool) -> None:
-        """Ask, and return when it is confirmed."""
-        self._operator.confirm("Lock the output to the frame." if locked else "Release the output from the frame.")
+    def set_lock(self, locked: bool) -> Answered:
+        """Ask for it."""
+        return self._operator.ask("Lock the output to the frame." if locked else "Release the output from the frame.")
 
 
 def run_command(names: tuple[str, ...], options: RunOptions, dry_run: bool) -> None:
@@ -66,16 +66,13 @@ def run_command(names: tuple[str, ...], options: RunOptions, dry_run: bool) -> N
         for line in assumed:
             tell(f"assumed: {line}")
         if not bench_file.simulated:
-            operator.confirm(f"The motor of bench '{bench_file.name}' is going to move. Is the bench clear?")
+            consent = operator.ask(f"The motor of bench '{bench_file.name}' is going to move. Is the bench clear?")
+            while not consent():
+                stop.check("consent")
+                bench.clock.sleep_until(bench.clock.now() + 0.05)
         watcher = _watcher(options.as_json)
-        try:
-            records = run_jobs(
-                bench, jobs, dut, Provenance(bench_text, dut_text, backend), options.out, operator, stop, watcher
-            )
-        except RigError as error:
-            _close(bench, error)
-            raise
-        _close(bench, None)
+        provenance = Provenance(bench_text, dut_text, backend)
+        records = run_jobs(Session(bench, dut, provenance, options.out, operator, stop, watcher), jobs)
     _report(records, options)
 
 
@@ -132,16 +129,6 @@ def _make_bench(
     return Bench(bench_file, clock, fixture), operator, "hardware", ()
 
 
-def _close(bench: Bench, error: RigError | None) -> None:
-    """Close the bench; a failure to close is added to the error that came first."""
-    try:
-        bench.close()
-    except RigError as closing:
-        if error is None:
-            raise
-        error.add_note(f"Closing the bench failed too: {closing}")
-
-
 def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Model | None, options: RunOptions) -> None:
     """Run on a simulated copy of the bench against its limits; print phases, extremes, durations, assumptions."""
     stand_in = as_simulated(bench_file)
@@ -150,27 +137,16 @@ def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Mode
         records: list[RunRecord] = []
         watcher = Watcher(on_end=records.append)
         try:
-            run_jobs(
-                simulated.bench,
-                jobs,
-                dut,
-                Provenance("", "", "dry run"),
-                Path(folder),
-                SimulatedOperator(),
-                stop,
-                watcher,
+            session = Session(
+                simulated.bench, dut, Provenance("", "", "dry run"), Path(folder), SimulatedOperator(), stop, watcher
             )
+            run_jobs(session, jobs)
         except LimitError as error:
-            simulated.bench.close()
             raise ConfigError(
                 "dry run",
                 [Mistake(error.signal, f"{error.value:.6g} {error.unit}", f"would break the limit: {error.message}")],
                 hint="Nothing was moved. Change the procedure's parameters, or the limit if the bench can bear it.",
             ) from error
-        except AbortedError:
-            simulated.bench.close()
-            raise
-        simulated.bench.close()
     duration = sum(record.outcome.duration for record in records)
     rows = [
         {
@@ -238,7 +214,7 @@ def _report(records: tuple[JobRecord, ...], options: RunOptions) -> None:
                                 "status": str(run.outcome.status),
                                 "duration_s": run.outcome.duration,
                                 "safe_state_confirmed": run.outcome.safe_state.confirmed,
-                                "measurements": [_measurement(m) for m in run.outcome.result.measurements],
+                                "measurements": [_measurement(m) for m in run.result.measurements],
                             }
                             for run in record.runs
                         ],

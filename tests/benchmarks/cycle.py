@@ -32,7 +32,7 @@ def sweep() -> Steps:
             Setpoint(Mode.TORQUE, 0.1 * math.sin(1e-3 * k)),
             Setpoint(Mode.TORQUE, 5.0 * math.sin(7e-4 * k)),
         )
-    return Result()
+    return Result
 
 
 def real_time_factor(number: int, folder: Path) -> float:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from drivers.types import Limits, Mode, Sample, Setpoint
-from procedures.intents import Ask, Command, Mark, Result, SetLock, Tare
+from procedures.intents import Ask, Command, Evaluation, Mark, Result, SetLock, Tare
 from procedures.plan import BenchFacts, PlannedRun
 from sim_backend.model.parameters import HarmonicDrive, PlantConfig
 from sim_backend.plant import Plant
@@ -102,10 +102,17 @@ def drive(run: PlannedRun, bench: TestBench, limits: Limits = LIMITS, keep_sampl
                     raise AssertionError("no procedure asks here")
             intent = steps.send(sample)
     except StopIteration as end:
-        done.result = end.value
+        _evaluate(done, end.value)
     except Exception as error:
         done.error = error
     return done
+
+
+def _evaluate(done: Driven, evaluate: Evaluation) -> None:
+    try:
+        done.result = evaluate()
+    except Exception as error:
+        done.error = error
 
 
 def _within(setpoint: Setpoint | None, torque: float, limits: Limits) -> None:

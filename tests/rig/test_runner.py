@@ -25,7 +25,7 @@ def hold_torque(value: float, cycles: int) -> Steps:
     yield Mark("hold")
     for _ in range(cycles):
         yield Command(motor=Setpoint(Mode.TORQUE, value))
-    return Result((Measurement("cycles", cycles, "1"),))
+    return lambda: Result((Measurement("cycles", cycles, "1"),))
 
 
 def released(sim) -> bool:
@@ -46,7 +46,7 @@ def test_a_run_gives_its_result_and_ends_with_a_confirmed_safe_state(sim):
     log = MemoryLog()
     outcome = run_on(sim, hold_torque(0.02, 100), log)
     assert outcome.status is Status.DONE
-    assert outcome.result.measurements[0].value == 100
+    assert outcome.evaluate().measurements[0].value == 100
     assert outcome.safe_state.confirmed
     assert set(outcome.safe_state.states) == {"motor", "load"}
     assert released(sim)

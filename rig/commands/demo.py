@@ -1,0 +1,140 @@
+"""`rig demo`: the simulated bench carries an effect that the loop is not told; find it, then reveal the truth."""
+
+import json
+import math
+import secrets
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from drivers.clock import Clock, RealClock
+from drivers.errors import ConfigError, Mistake
+from procedures.plan import build_parameters
+from procedures.registry import PROCEDURES
+from rig.commands.loop import dut_of, print_files, print_result, write_loop
+from rig.config.bench import load_bench
+from rig.config.dut import default_dut
+from rig.log.load import load_runs
+from rig.loop.campaign import LoopOptions
+from rig.loop.result import LoopResult
+from rig.loop.trace import trace
+from rig.operator import SimulatedOperator
+from rig.session import Job, Provenance, RunRecord, Session, Watcher, run_jobs
+from rig.simulation import simulate
+from rig.stop import Stop
+from rig.terminal import emit, tell
+from sim_backend.model.effects import CATALOGUE, ActiveEffect
+
+SHORT: Mapping[str, Mapping[str, str]] = {
+    "starting-torque": {"start_angles": "1", "repeats": "2"},
+    "locked-output": {},
+    "backdrive": {},
+    "free-run": {},
+}
+"""Settings that keep the demo short; a real campaign takes the defaults."""
+
+SPREAD = math.log(2.0)
+"""The undeclared amplitude lies within a factor of two of its typical size."""
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """What the simulated bench carries."""
+
+    effect: str
+    parameters: Mapping[str, tuple[float, str]]
+
+
+def demo_command(seed: int | None, out: Path, as_json: bool) -> None:
+    """Run all procedures, close the loop, reveal the truth."""
+    clock: Clock = RealClock()
+    if out.exists() and any(out.iterdir()):
+        raise ConfigError("-o", [Mistake("-o", str(out), "is not empty; the demo starts from an empty folder")])
+    seed = secrets.randbits(31) if seed is None else seed
+    hidden = draw_effect(seed)
+    tell("The simulated bench carries an effect that neither the logs nor the loop are told.")
+    logs = out / "logs"
+    bench_seconds = _record(hidden, seed, logs)
+    recorded = clock.now()
+    tell(f"Recorded {bench_seconds / 60:.1f} minutes of bench time in {recorded:.0f} s. Closing the loop ...")
+    runs = load_runs([logs])
+    result = trace(runs, dut_of(runs), LoopOptions())
+    files = write_loop(result, out / "loop")
+    truth = Truth(
+        hidden.effect.id, {p.name: (v, p.unit) for p, v in zip(hidden.effect.parameters, hidden.values, strict=True)}
+    )
+    (out / "truth.json").write_text(json.dumps({"effect": truth.effect, "parameters": truth.parameters}) + "\n")
+    if as_json:
+        emit(
+            {"seed": seed, "truth": {"effect": truth.effect, "parameters": truth.parameters}, "loop": result.to_json()}
+        )
+        return
+    print_result(result)
+    Console().print(_comparison(truth, result))
+    tell(f"seed    {seed}   (rig demo --seed {seed} tells the same story)")
+    tell(f"logs    {logs}")
+    print_files(files)
+    tell(f"Took {clock.now():.0f} s, of which the loop {clock.now() - recorded:.0f} s.")
+
+
+def draw_effect(seed: int) -> ActiveEffect:
+    """Draw an effect of the catalogue: which one, its amplitude around the typical one, its phase."""
+    random = np.random.default_rng(seed)
+    effect = CATALOGUE[list(CATALOGUE)[int(random.integers(len(CATALOGUE)))]]
+    values = []
+    for parameter in effect.parameters:
+        if parameter.name == effect.amplitude:
+            values.append(parameter.typical * math.exp(random.uniform(-SPREAD, SPREAD)))
+        elif parameter.name == "phase":
+            values.append(float(random.uniform(-math.pi, math.pi)))
+        else:
+            values.append(parameter.typical)
+    return ActiveEffect(effect, tuple(values))
+
+
+def _record(hidden: ActiveEffect, seed: int, logs: Path) -> float:
+    """Run all four procedures on the bench that carries the hidden effect; give the bench time, s."""
+    bench_file, bench_text = load_bench("sim")
+    dut, dut_text = default_dut()
+    simulated = simulate(bench_file, dut, effects=(hidden,), seed=seed + 1)
+    jobs = tuple(
+        Job(PROCEDURES[name], build_parameters(PROCEDURES[name], dict(settings))) for name, settings in SHORT.items()
+    )
+    seconds: list[float] = []
+
+    def on_end(record: RunRecord) -> None:
+        seconds.append(record.outcome.duration)
+        if not record.set_up:
+            tell(f"  {record.outcome.duration:6.1f} s  {record.file.name}")
+
+    with Stop().listening() as stop:
+        provenance = Provenance(bench_text, dut_text, "simulated")
+        watcher = Watcher(on_end=on_end)
+        run_jobs(Session(simulated.bench, dut, provenance, logs, SimulatedOperator(), stop, watcher), jobs)
+    return sum(seconds)
+
+
+def _comparison(truth: Truth, result: LoopResult) -> Table:
+    """Set the hidden effect beside what the loop found."""
+    table = Table(title="Now the truth", title_justify="left", header_style="bold", box=None, padding=(0, 1))
+    for heading in ("", "hidden in the bench", "found by the loop", "95 % interval", "inside"):
+        table.add_column(heading, no_wrap=True)
+    found = next((step for step in result.steps if step.effect == truth.effect), None)
+    table.add_row("effect", truth.effect, ", ".join(result.effects) or str(result.verdict), "", "")
+    for name, (value, unit) in truth.parameters.items():
+        estimate = found.parameters.get(name) if found is not None else None
+        if estimate is None:
+            table.add_row(name, f"{value:.6g} {unit}", "", "", "")
+            continue
+        shown, interval, inside = f"{estimate.value:.6g} {estimate.unit}", "", ""
+        if estimate.ci95 is not None:
+            low, high = estimate.ci95
+            interval = f"{low:.6g} to {high:.6g}"
+            turns = 2 * math.pi * round((estimate.value - value) / (2 * math.pi)) if name == "phase" else 0.0
+            inside = "yes" if low <= value + turns <= high else "NO"
+        table.add_row(name, f"{value:.6g} {unit}", shown, interval, inside)
+    return table

@@ -1,0 +1,116 @@
+"""`rig loop` and `rig predict`: trace what the model lacks, and evaluate a model on logs."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+
+from drivers.errors import ConfigError, Mistake
+from rig.config.dut import Dut, load_dut
+from rig.config.toml_file import parse_toml
+from rig.log.load import load_runs
+from rig.log.run import Run
+from rig.loop.campaign import LoopOptions
+from rig.loop.model_file import load_model, write_model
+from rig.loop.plot import plot_loop
+from rig.loop.predict import write_predictions
+from rig.loop.result import LoopResult
+from rig.loop.table import headline, statements, table_of, text_of
+from rig.loop.trace import trace
+from rig.terminal import emit, tell
+
+
+@dataclass(frozen=True, slots=True)
+class LoopCommand:
+    """The options of `rig loop`, as given."""
+
+    dut: Path | None
+    base: Path | None
+    held_out: tuple[str, ...]
+    alpha: float
+    seed: int
+    out: Path
+    as_json: bool
+
+
+@dataclass(frozen=True, slots=True)
+class LoopFiles:
+    """What a loop writes."""
+
+    result: Path
+    model: Path
+    table: Path
+    plot: Path
+
+
+def loop_command(paths: tuple[Path, ...], options: LoopCommand) -> None:
+    """Trace, write the result, print the table."""
+    runs = load_runs(paths)
+    base = load_model(options.base) if options.base is not None else None
+    dut = load_dut(options.dut)[0] if options.dut is not None else base.dut if base is not None else dut_of(runs)
+    result = trace(runs, dut, LoopOptions(options.held_out, options.alpha, options.seed, base))
+    files = write_loop(result, options.out)
+    if options.as_json:
+        emit(result.to_json())
+        return
+    print_result(result)
+    print_files(files)
+
+
+def predict_command(model_file: Path, paths: tuple[Path, ...], out: Path, as_json: bool) -> None:
+    """Write the model's predictions for every run."""
+    model = load_model(model_file)
+    written = write_predictions(load_runs(paths), model, out)
+    if as_json:
+        emit({"files": [str(path) for path in written]})
+        return
+    for path in written:
+        print(path)
+
+
+def dut_of(runs: Sequence[Run]) -> Dut:
+    """Give the device that the logs name in their attachment; without one, a device of which nothing is known."""
+    texts = {run.dut_text for run in runs if run.dut_text}
+    if not texts:
+        tell("No --dut and none in the logs: nothing is known of the device (ratio, counts, catalogue values).")
+        return Dut(name="unknown")
+    if len(texts) > 1:
+        raise ConfigError(
+            "--dut",
+            [Mistake("--dut", "", f"the logs come from {len(texts)} different devices under test")],
+            hint="Give the logs of one device, or name the device with --dut.",
+        )
+    return parse_toml(texts.pop(), Dut, f"dut attached to {runs[0].file}")
+
+
+def write_loop(result: LoopResult, out: Path) -> LoopFiles:
+    """Write `loop.json`, `model.json`, the table and the plot into `out`."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        files = LoopFiles(out / "loop.json", out / "model.json", out / "table.txt", out / "plot.svg")
+        plot_loop(result, files.plot)
+        files.result.write_text(json.dumps(result.to_json(), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        write_model(result.model, files.model)
+        files.table.write_text(text_of(result) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise ConfigError("-o", [Mistake("-o", str(out), f"cannot be written: {error.strerror or error}")]) from error
+    return files
+
+
+def print_files(files: LoopFiles) -> None:
+    """Say where everything is."""
+    tell(f"result  {files.result}")
+    tell(f"model   {files.model}")
+    tell(f"table   {files.table}")
+    tell(f"plot    {files.plot}")
+
+
+def print_result(result: LoopResult) -> None:
+    """Print the statement, the table before and after, and what remains open."""
+    console = Console()
+    console.print(headline(result), style="bold", highlight=False, markup=False)
+    console.print(table_of(result))
+    for line in statements(result):
+        console.print(line, highlight=False, markup=False)
