@@ -16,7 +16,7 @@ from procedures.checks import Checks
 from procedures.guards import travel_guard
 from procedures.intents import Mark, Measurement, Result, Steps
 from procedures.loop_run import Driven, evaluate_loop, loop_recordings
-from procedures.motions import RELEASE_TIME, RELEASED, dwell, load_torque, observed, release, triangle, triangle_time
+from procedures.motions import RELEASED, dwell, load_torque, observed, triangle, triangle_time
 from procedures.plan import BenchFacts, PlannedRun, Procedure, parameter
 from procedures.ramp_to_motion import (
     BreakawayRamp,
@@ -131,7 +131,7 @@ def _held_runs(
     p: Backdrive, points: tuple[float, ...], rates: tuple[float, ...], facts: BenchFacts
 ) -> Iterator[PlannedRun]:
     def run(name: str, rate: float, angle: float, replicate: str | None) -> PlannedRun:
-        duration = p.dwell + triangle_time(points, rate, p.hold) + RELEASE_TIME
+        duration = p.dwell + triangle_time(points, rate, p.hold)
         return PlannedRun(name, partial(_held_steps, p, points, rate, facts), duration, replicate, angle)
 
     for index, angle in enumerate(start_angles(p.start_angles), start=1):
@@ -152,7 +152,6 @@ def _held_steps(p: Backdrive, points: tuple[float, ...], rate: float, facts: Ben
     legs = loop_recordings()
     sweeps = triangle(points, rate, p.hold, shape, facts.cycle_time, legs)
     yield from observed(sweeps, travel_guard(rest, p.travel_max, "the motor does not hold its angle"))
-    yield from release(facts.cycle_time)
     meaning = "half width of the loop in motor torque at zero output torque, times the ratio"
     return partial(evaluate_loop, legs, Driven(-1.0, "friction_level", facts.ratio, meaning), facts)
 

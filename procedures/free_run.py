@@ -16,7 +16,7 @@ from procedures.checks import Checks
 from procedures.friction import friction_line, leg_mean
 from procedures.hysteresis import Value
 from procedures.intents import Mark, Measurement, Result, Steps
-from procedures.motions import RELEASE_TIME, RELEASED, Motion, dwell, motor_velocity, observed, ramp, release
+from procedures.motions import RELEASED, Motion, dwell, motor_velocity, observed, ramp
 from procedures.plan import BenchFacts, PlannedRun, Procedure, parameter
 from procedures.recording import Recording
 from procedures.results import mean_over_runs
@@ -128,7 +128,7 @@ def _duration(p: FreeRun, speed: float, facts: BenchFacts) -> float:
     """Give the run's length: four speed ramps, two of which a coast-down replaces."""
     stops = 2.0 * (p.coast_down if p.coast_down > 0.0 else speed / p.acceleration)
     legs = 2.0 * (speed / p.acceleration + p.settle + _leg_time(p, speed, facts))
-    return p.dwell + legs + stops + RELEASE_TIME
+    return p.dwell + legs + stops
 
 
 def _steps(p: FreeRun, speed: float, facts: BenchFacts) -> Steps:
@@ -139,7 +139,6 @@ def _steps(p: FreeRun, speed: float, facts: BenchFacts) -> Steps:
         recording = Recording("motor_torque")
         yield from _leg(p, direction, sign * speed, facts, recording)
         legs.append(recording)
-    yield from release(facts.cycle_time)
     return partial(_evaluate, p, speed, legs, facts)
 
 

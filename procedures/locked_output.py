@@ -17,7 +17,7 @@ from procedures.checks import Checks
 from procedures.guards import travel_guard
 from procedures.intents import Mark, Result, Steps
 from procedures.loop_run import Driven, evaluate_loop, loop_recordings
-from procedures.motions import RELEASE_TIME, RELEASED, dwell, motor_torque, observed, release, triangle, triangle_time
+from procedures.motions import RELEASED, dwell, motor_torque, observed, triangle, triangle_time
 from procedures.plan import BenchFacts, PlannedRun, Procedure, parameter
 from procedures.recording import measured
 from procedures.results import mean_over_runs
@@ -132,7 +132,7 @@ def _run(p: LockedOutput, name: str, sweep: Sweep, facts: BenchFacts, angle: flo
     return PlannedRun(
         name=name,
         steps=partial(_steps, p, sweep, facts),
-        duration=p.dwell + triangle_time(sweep.points, sweep.rate, p.hold) + RELEASE_TIME,
+        duration=p.dwell + triangle_time(sweep.points, sweep.rate, p.hold),
         start_angle=angle,
     )
 
@@ -148,7 +148,6 @@ def _steps(p: LockedOutput, sweep: Sweep, facts: BenchFacts) -> Steps:
     legs = loop_recordings()
     sweeps = triangle(sweep.points, sweep.rate, p.hold, shape, facts.cycle_time, legs)
     yield from observed(sweeps, travel_guard(rest, p.travel_max, "the output is not held"))
-    yield from release(facts.cycle_time)
     driven = Driven(1.0, "friction_torque", 1.0, "half width of the loop in motor torque at zero output torque")
     return partial(evaluate_loop, legs, driven, facts)
 

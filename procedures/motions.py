@@ -22,10 +22,6 @@ RELEASED = Command()
 """Both axes without torque."""
 
 
-RELEASE_TIME = 0.05
-"""How long both axes are released at the end of a run, s."""
-
-
 def motor_torque(load: Setpoint | None = None) -> Shaper:
     """Command the motor's torque, N*m, with the load axis as given."""
     return lambda value: Command(Setpoint(Mode.TORQUE, value), load)
@@ -61,16 +57,6 @@ def dwell(duration: float, command: Command, cycle_time: float) -> Motion:
     for _ in range(cycles(duration, cycle_time) - 1):
         sample = yield command
     return sample
-
-
-def release(cycle_time: float) -> Motion:
-    """Take the torque from both axes.
-
-    Every measuring run ends so: computing its result takes longer than a cycle, and nothing may be energised while
-    no setpoints come.
-    """
-    yield Mark("release", RELEASE_TIME)
-    return (yield from dwell(RELEASE_TIME, RELEASED, cycle_time))
 
 
 def ramp(start: float, end: float, rate: float, shape: Shaper, cycle_time: float) -> Motion:

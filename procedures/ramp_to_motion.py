@@ -9,7 +9,7 @@ from drivers.types import Sample
 from procedures.breakaway import Breakaway, find_breakaway
 from procedures.errors import NoMotionError
 from procedures.intents import Intent, Mark, Measurement
-from procedures.motions import RELEASE_TIME, Motion, Shaper, dwell, observed, release
+from procedures.motions import Motion, Shaper, dwell, observed
 from procedures.recording import Recording, measured
 from procedures.waveforms import TURN, cycles, line
 
@@ -112,14 +112,13 @@ def both_directions(
         wait = settle
     yield Mark("settle", settle)
     yield from dwell(settle, shape(0.0), cycle_time)
-    yield from release(cycle_time)
     return tuple(done)
 
 
 def expected_time(ramp: BreakawayRamp, dwell_time: float, settle: float, expected: float) -> float:
     """Give how long `both_directions` takes if the motor breaks away at `expected` (N*m), s."""
     one_way = min(expected, ramp.torque_max) / ramp.rate + RUN_AWAY_TIME + settle
-    return dwell_time + 2.0 * one_way + RELEASE_TIME
+    return dwell_time + 2.0 * one_way
 
 
 def breakaway_measurements(found: Breakaway, direction: str, what: str) -> tuple[Measurement, ...]:

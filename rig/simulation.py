@@ -26,6 +26,9 @@ from sim_backend.world import World
 DRIVE_MARGIN = 1.175
 """Rated torque of the simulated drives over what the gear's rated torque asks of them."""
 
+LOAD_MOTOR_INERTIA = 5e-3
+"""Rotor of the simulated load drive, kg*m^2, rigidly on the output."""
+
 VISCOUS_SHARE = 0.01
 """Assumed viscous friction at the motor, N*m*s/rad per N*m of starting torque: 1.2e-4 N*m*s for 12 mN*m."""
 
@@ -82,7 +85,7 @@ def simulate(
     """
     assumed: list[str] = []
     try:
-        plant = _plant(dut, model, effects, secrets.randbits(31) if seed is None else seed, assumed)
+        plant = _plant(bench, dut, model, effects, secrets.randbits(31) if seed is None else seed, assumed)
     except ModelError as error:
         source = f"model of '{dut.name}'" if model is not None else f"dut '{dut.name}'"
         raise ConfigError(source, [Mistake("simulated bench", dut.name, str(error))]) from error
@@ -99,15 +102,17 @@ def simulate(
     return SimulatedBench(Bench(bench, clock, fixture, dict.fromkeys(keys, world.bus)), world, plant, tuple(assumed))
 
 
-def _plant(dut: Dut, model: Model | None, effects: Sequence[ActiveEffect], seed: int, assumed: list[str]) -> Plant:
+def _plant(
+    bench: BenchFile, dut: Dut, model: Model | None, effects: Sequence[ActiveEffect], seed: int, assumed: list[str]
+) -> Plant:
     drive = _drive_from_dut(dut, assumed) if model is None else drive_of_model(model, assumed)
     config = PlantConfig(
         drive=drive, motor_rated_torque=_motor_rated_torque(dut), load_rated_torque=_load_rated_torque(dut)
     )
     if dut.motor.inertia is not None:
         config = replace(config, rotor_inertia=dut.motor.inertia)
-    if dut.output.inertia is not None:
-        config = replace(config, output_inertia=dut.output.inertia)
+    output = config.output_inertia if dut.output.inertia is None else dut.output.inertia
+    config = replace(config, output_inertia=output + (LOAD_MOTOR_INERTIA if "load" in bench.devices else 0.0))
     active = (*(effects_of_model(model, assumed) if model is not None else ()), *effects)
     return Plant(config, active, seed=seed)
 

@@ -124,7 +124,7 @@ def test_a_bias_moves_the_nested_triangles_only() -> None:
 def test_each_further_rate_adds_one_run_at_the_first_angle() -> None:
     runs = [run for run in plan(replace(SHORT, rates=(0.2, 0.1, 0.05), start_angles=2), FACTS) if not run.set_up]
     assert [run.name for run in runs] == ["angle-1", "angle-1-rate-2", "angle-1-rate-3", "angle-2"]
-    sweeps = [run.duration - 0.55 for run in runs]
+    sweeps = [run.duration - 0.5 for run in runs]
     assert sweeps[1] == pytest.approx(2.0 * sweeps[0])
     assert sweeps[2] == pytest.approx(4.0 * sweeps[0])
 
