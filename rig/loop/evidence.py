@@ -10,10 +10,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from rig.config.dut import Dut
+from rig.loop.equations import Law, Piece
 from rig.loop.metrics import Residual, aligned, pairs, quantisation_square
+
+Floats = NDArray[np.float64]
 
 SMOOTHING = 0.5
 """s."""
@@ -32,8 +36,8 @@ class Repeats:
     """What replicate pairs of one equation and procedure say.
 
     `rho`: mean correlation of smoothed residuals; `least_rho`: what noise may reach; `common`: mean square of what
-    the runs of a pair share, `own` of what they do not; `quantisation`: mean square that encoder counts leave, which
-    may repeat as well; `ljung_box`: statistic per lag at 10 Hz.
+    the runs of a pair share, `own` of what they do not; `allowance`: mean square of what instruments leave that may
+    repeat as well; `ljung_box`: statistic per lag at 10 Hz.
     """
 
     equation: str
@@ -43,13 +47,13 @@ class Repeats:
     least_rho: float
     common: float
     own: float
-    quantisation: float
+    allowance: float
     ljung_box: float
 
     @property
     def structured(self) -> bool:
         """Whether a repeatable part stands out of the noise."""
-        material = self.common > max((EXCESS**2 - 1.0) * self.own, self.quantisation)
+        material = self.common > max((EXCESS**2 - 1.0) * self.own, self.allowance)
         return self.rho > max(NOISE_RHO, self.least_rho) and material
 
 
@@ -80,9 +84,25 @@ def repeats(residuals: Sequence[Residual], dut: Dut, ratio: float | None) -> Rep
         least_rho=3.0 / math.sqrt(sum(lengths)),
         common=max(float(np.mean(squares)) - float(np.mean(differences)), 0.0),
         own=float(np.mean(differences)),
-        quantisation=quantisation_square(piece, dut, ratio) or 0.0 if piece.demeaned else 0.0,
+        allowance=_allowance(piece, dut, ratio),
         ljung_box=float(np.mean(boxes)),
     )
+
+
+def _allowance(piece: Piece, dut: Dut, ratio: float | None) -> float:
+    """Give the mean square that counts of the encoders leave, or a play that ratchets along its noisy input."""
+    track = piece.track
+    if piece.demeaned:
+        return quantisation_square(piece, dut, ratio) or 0.0
+    if piece.law is Law.BACKDRIVE and track.output_torque is not None and ratio is not None:
+        return _white(track.output_torque) / ratio**2
+    if piece.law is Law.LOCKED and track.motor_torque is not None and ratio is not None:
+        return _white(track.motor_torque) * ratio**2
+    return 0.0
+
+
+def _white(values: Floats) -> float:
+    return float(np.mean(np.diff(values) ** 2)) / 2.0
 
 
 def ljung_box(residual: Residual) -> float:

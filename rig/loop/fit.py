@@ -28,8 +28,12 @@ COARSE = 3000
 POLISH = 3
 """Passes over all samples after a coarse fit."""
 
-CONVERGED = 1e-8
-"""Relative change of the weighted squares at which the fit stops."""
+CONVERGED = 0.01
+"""Change of the weighted squares at which the fit stops: a tenth of a standard deviation of one parameter."""
+
+REWEIGHTINGS = 4
+STABLE = 0.03
+"""Rounds of weighting at most, and the relative change of a noise at which they end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +82,7 @@ def fit(
             converged = True
             break
         current = _state(pieces, trial, columns, noise, block)
-        if cost - trial_cost <= CONVERGED * cost:
+        if cost - trial_cost <= CONVERGED:
             converged = True
             break
     return replace(current, converged=converged)
@@ -98,13 +102,22 @@ def coarse(pieces: Sequence[Piece]) -> list[Piece]:
     return found
 
 
-def fit_from_several(pieces: Sequence[Piece], model: Model, noise: dict[Kind, Noise], block: float) -> Fit:
-    """Fit from the model's own base values and from the catalogue's, coarsely, and polish the better one."""
+def fit_stably(pieces: Sequence[Piece], model: Model, noise: dict[Kind, Noise], block: float) -> Fit:
+    """Fit until the weights that follow from the residual no longer change.
+
+    Starts from the model's own base values and from the catalogue's, coarsely, and goes on with the better one.
+    """
     few = coarse(pieces)
     starts = (model, replace(model, values=model.table.start()))
-    tried = [fit(few, start, noise, block=block) for start in starts]
-    best = min(tried, key=_cost)
-    return fit(pieces, best.model, noise, passes=POLISH, block=block)
+    best = min((fit(few, start, noise, block=block) for start in starts), key=_cost)
+    state = reweighted(fit(pieces, best.model, noise, passes=POLISH, block=block))
+    for _ in range(REWEIGHTINGS):
+        before = state.noise
+        rough = fit(few, state.model, before, block=state.block)
+        state = reweighted(fit(pieces, rough.model, before, passes=POLISH, block=state.block))
+        if all(abs(np.log(state.noise[kind].sigma / before[kind].sigma)) < STABLE for kind in before):
+            break
+    return state
 
 
 def reweighted(state: Fit) -> Fit:
@@ -115,6 +128,12 @@ def reweighted(state: Fit) -> Fit:
     block = min(max(BLOCK, MEMORIES_A_BLOCK * memory), max(BLOCK, longest / 4.0))
     pieces = [item.piece for item in state.linear]
     return _state(pieces, state.model, state.columns, noise, block)
+
+
+def with_blocks(state: Fit, block: float) -> Fit:
+    """Give the same fit with blocks of another length (s)."""
+    pieces = [item.piece for item in state.linear]
+    return _state(pieces, state.model, state.columns, state.noise, block)
 
 
 def covariance(state: Fit) -> Floats:

@@ -17,6 +17,7 @@ from rig.config.dut import Dut
 from rig.loop.equations import Equation, Piece
 from rig.loop.model import Model, predict
 from rig.loop.result import Errors
+from rig.loop.tracks import SHARE_OF_A_TURN
 from sim_backend.model.compliance import flexspline_stiffness, wave_generator_stiffness
 
 Floats = NDArray[np.float64]
@@ -197,11 +198,21 @@ def _instrument_square(residual: Residual, dut: Dut, model: Model) -> float | No
     if quiet is None and (track.T is not None or track.M is not None):
         return None
     if track.T is not None and quiet is not None:
-        square += float(np.var(track.T[quiet]) * np.mean(_flexspline_softness(track.T[piece.index], model) ** 2))
-    if track.M is not None and quiet is not None:
+        noise = float(np.var(track.T[quiet])) * _averaged_away(piece)
+        square += noise * float(np.mean(_flexspline_softness(track.T[piece.index], model) ** 2))
+    if track.M is not None and quiet is not None and not track.moves:
         softness = 1.0 / wave_generator_stiffness(track.M[piece.index], model.value("K_w0"), model.value("C_w"))
         square += float(np.var(track.M[quiet]) * np.mean((softness / model.ratio) ** 2))
     return square
+
+
+def _averaged_away(piece: Piece) -> float:
+    """Give the share of white noise that is left in the output torque of a turning run, averaged leg by leg."""
+    track = piece.track
+    if not track.moves:
+        return 1.0
+    width = SHARE_OF_A_TURN * 2.0 * math.pi / np.abs(track.speed[piece.index]) / track.period
+    return float(np.mean(1.0 / np.maximum(np.round(width), 1.0)))
 
 
 def quantisation_square(piece: Piece, dut: Dut, ratio: float | None) -> float | None:

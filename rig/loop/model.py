@@ -1,6 +1,7 @@
 """The model of one piece: base law and lines together, and how a further term would act on it.
 
-    torsion        f(T - c_T) + g(M - c_M)/N + e           (28); turning: M without the rotor's own T_cr, b_r
+    torsion        f(T - c_T) + g(M - c_M)/N + e                                               (28)
+    turning        f(T - c_T) + g((T - c_T)/N + sgn(w) (T_c - T_cr) + (b - b_r) w)/N + e
     backdrive      M = play((T - c_T)/N; T_fb/N) + c_M + M_0
     free run       M = (T - c_T)/N + sgn(w) T_c + b w + c_M + M_0
     locked output  T = play(N (M - c_M); N T_fs) + c_T + T_0
@@ -9,7 +10,8 @@
 c_T and c_M are what the terms add to the output and the motor balance, e what they add to the torsion. No regressor
 contains the channel it predicts: where the angle is the target itself (torsion of a run that does not turn), the
 angle that the model predicts stands in for the measured one; in the locked output torque the play's output stands
-in for the measured torque.
+in for the measured torque. In a turning run detent torque, inertia and the friction T_cr, b_r of the rotor itself
+stay in the rotor: the wave generator carries the load and the rest of the running friction.
 """
 
 from dataclasses import dataclass
@@ -238,10 +240,12 @@ def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Eva
     base: dict[str, Floats] = {}
     if track.T is not None or np.any(additions.load):
         base = {"K_F0": -flexspline / K_F0, "C_F": (T * compliance - flexspline) / C_F}
-    route = None
+    motor_route, load_weight = None, -compliance
     if track.M is not None:
-        if track.moves:  # averaged over a turn: what acts on the rotor alone is no longer in it
-            M = track.M - np.sign(track.speed) * model.value("T_cr") - track.speed * model.value("b_r")
+        sign = np.sign(track.speed)
+        if track.moves:
+            M = T / N + sign * (model.value("T_c") - model.value("T_cr"))
+            M = M + track.speed * (model.value("b") - model.value("b_r"))
         else:
             M = track.M - additions.motor(T, track.direction)
         wound = wave_generator_torsion(M, K_w0, C_w) / N
@@ -250,10 +254,14 @@ def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Eva
         base["K_w0"] = -wound / K_w0
         base["C_w"] = (M * softness - wound) / C_w
         if track.moves:
-            base["T_cr"] = -softness * np.sign(track.speed)
-            base["b_r"] = -softness * track.speed
-        route = None if track.moves else Route(-softness)
-    return Evaluation(value, base, True, route, Route(-compliance), positions, T, track.direction, _everywhere(track))
+            base |= {"T_c": softness * sign, "T_cr": -softness * sign}
+            base |= {"b": softness * track.speed, "b_r": -softness * track.speed}
+            load_weight = load_weight - softness / N
+        else:
+            motor_route = Route(-softness)
+    return Evaluation(
+        value, base, True, motor_route, Route(load_weight), positions, T, track.direction, _everywhere(track)
+    )
 
 
 def _load(track: Track) -> Floats:

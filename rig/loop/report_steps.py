@@ -44,7 +44,7 @@ def steps_of(
             shown = turned(line, dut)
             suffix = "" if rank == 1 else f"_{rank}"
             columns = spread[final.columns.of_line(number), final.columns.of_line(number)]
-            estimates = line_estimates(line, shown, columns, factor, equation.unit, _index_error(final, line, dut))
+            estimates = line_estimates(line, shown, columns, factor, equation.unit, *_index_error(final, line, dut))
             parameters |= {name + suffix: value for name, value in estimates.items()}
             lines.append(LineResult(line.order, line.amplitude, wrapped(shown.phase)))
         made.append(
@@ -79,16 +79,22 @@ def primary_equation(decision: Decision, final: Fit) -> Equation:
     return wanted
 
 
-def _index_error(final: Fit, line: Line, dut: Dut) -> float:
-    """Give the standard deviation (rad) of the phase that comes from finding each run's zero to one count only."""
-    motor = line.kind.variable == "motor_position"
-    counts = dut.motor.encoder_counts if motor else dut.output.encoder_counts
-    runs = len({item.piece.track.name for item in final.linear})
-    return 0.0 if counts is None else line.order * 2.0 * math.pi / counts / math.sqrt(12.0 * runs)
+def _index_error(final: Fit, line: Line, dut: Dut) -> tuple[float, float]:
+    """Give what finding each run's zero to one count only does to a line.
+
+    Standard deviation of the phase (rad), and the spread of the angle (rad) over which it tilts the order.
+    """
+    counts = dut.motor.encoder_counts if line.kind.variable == "motor_position" else dut.output.encoder_counts
+    angles = {item.piece.track.name: item.evaluation.positions.get(line.kind.variable) for item in final.linear}
+    known = [angle for angle in angles.values() if angle is not None]
+    if counts is None or not known:
+        return 0.0, 1.0
+    spread = max(float(np.std(np.concatenate(known))), 1e-9)
+    return line.order * 2.0 * math.pi / counts / math.sqrt(12.0 * len(known)), spread
 
 
 def line_estimates(
-    line: Line, shown: Line, columns: Floats, factor: float, unit: str, index_error: float
+    line: Line, shown: Line, columns: Floats, factor: float, unit: str, index_error: float, spread: float
 ) -> dict[str, Estimate]:
     """Give amplitude, order (unless fixed) and phase with intervals from the covariance (2, 2) or (3, 3)."""
     size = max(line.amplitude, 1e-300)
@@ -101,7 +107,7 @@ def line_estimates(
     phase = wrapped(shown.phase)
     found = {"amplitude": Estimate(line.amplitude, (line.amplitude - half, line.amplitude + half), unit)}
     if columns.shape[0] == 3:
-        wide = factor * math.sqrt(max(float(columns[2, 2]), 0.0))
+        wide = factor * math.sqrt(max(float(columns[2, 2]), 0.0) + (index_error / spread) ** 2)
         found["order"] = Estimate(line.order, (line.order - wide, line.order + wide), "1/rev")
     found["phase"] = Estimate(phase, (phase - turn, phase + turn), "rad")
     return found

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rig.loop.equations import Equation, Piece
-from rig.loop.fit import Fit, fit, fit_from_several, reweighted
-from rig.loop.lines import Spectrum, peaks, refine, scan
+from rig.loop.fit import Fit, fit, fit_stably, with_blocks
+from rig.loop.lines import Peak, Spectrum, peaks, refine, scan
 from rig.loop.model import Model
 from rig.loop.result import Candidate, Verdict
 from rig.loop.rivals import rivals_of_an_angle
@@ -24,6 +24,12 @@ from rig.loop.trial import Ground, Trial, consistent, line_gain, prepare, try_li
 
 LEAST_SHARE = 0.01
 """Share of an equation's squares below which a line is detected but not worth adding."""
+
+STANDS_OUT = 30.0
+"""Power over the median of the neighbourhood of a line that is looked at however little it explains."""
+
+LARGE_SHARE = 0.1
+"""Share of an equation's squares that is looked at again with shorter blocks: a slow, strong line looks like memory."""
 
 LEAST_IMPROVED = 0.6
 """Share of the runs carrying the term that must be predicted better from the others."""
@@ -86,6 +92,7 @@ class _Proposal:
     kind: TermClass
     order: float
     resolution: float
+    height: float = 0.0
 
 
 def select(pieces: Sequence[Piece], base: Fit, alpha: float) -> Selection:
@@ -108,8 +115,7 @@ def select(pieces: Sequence[Piece], base: Fit, alpha: float) -> Selection:
 
 def refit(pieces: Sequence[Piece], like: Fit, model: Model) -> Fit:
     """Fit the model with weights that follow from its own residual."""
-    first = reweighted(fit_from_several(pieces, model, like.noise, like.block))
-    return reweighted(fit_from_several(pieces, first.model, first.noise, first.block))
+    return fit_stably(pieces, model, like.noise, like.block)
 
 
 def _round(
@@ -120,12 +126,13 @@ def _round(
     unadded: dict[tuple[str, int], Unadded],
 ) -> tuple[Decision, Fit] | None:
     """Give the best term that may be added, and the fit with it; None if there is none."""
-    proposals, tests = _propose(ground)
+    proposals, free_tests, fixed_tests = _propose(ground)
     scored = sorted(((line_gain(ground, p.kind, p.order), p) for p in proposals), key=lambda pair: -pair[0])
     refined: list[tuple[Trial, _Proposal]] = []
-    for gain, proposal in scored[:8]:
-        if refined and gain < 0.3 * max(trial.gain for trial, _ in refined):
-            break
+    for rank, (gain, proposal) in enumerate(scored):
+        weak = rank >= 8 or (bool(refined) and gain < 0.3 * max(trial.gain for trial, _ in refined))
+        if weak and proposal.height < STANDS_OUT:
+            continue
         order = proposal.kind.fixed_order
         if order is None:
             gain_at = functools.partial(line_gain, ground, proposal.kind)
@@ -133,8 +140,9 @@ def _round(
         refined.append((try_line(ground, proposal.kind, order), replace(proposal, order=order)))
     refined.sort(key=lambda pair: -pair[0].gain)
     for trial, proposal in refined:
+        tests = fixed_tests if proposal.kind.fixed_order is not None else free_tests
         p_value = min(1.0, trial.single_p * tests)
-        if p_value > alpha or _already_there(ground, proposal):
+        if (p_value > alpha and trial.share < LARGE_SHARE) or _already_there(ground, proposal):
             continue
         known = any(d.kind == proposal.kind for d in decisions)
         classes = {d.kind for d in decisions}
@@ -147,9 +155,21 @@ def _round(
                 line = Line(chosen.kind, chosen.order, float(amplitudes[0]), float(amplitudes[1]))
                 lines = (*ground.fit.model.lines, line)
                 joint = refit(pieces, ground.fit, replace(ground.fit.model, lines=lines))
-                if consistent(joint, len(lines) - 1):
-                    return decision, joint
-                why = "it does not show under every condition that should show it"
+                # what the term explains is not noise that remembers: blocks are as long as what it leaves asks for
+                again = try_line(prepare(with_blocks(ground.fit, joint.block)), chosen.kind, chosen.order)
+                p_value = min(p_value, 1.0, again.single_p * tests) if joint.block < ground.fit.block else p_value
+                if p_value > alpha:
+                    continue
+                if not consistent(joint, len(lines) - 1):
+                    why = "it does not show under every condition that should show it"
+                elif _crowded(joint, proposal.resolution):
+                    why = "it cannot be told from a line that is there already"
+                else:
+                    return replace(decision, p_value=p_value), joint
+            elif p_value > alpha:
+                continue
+        elif p_value > alpha:
+            continue
         key = (proposal.kind.id, round(proposal.order / max(proposal.resolution, 1e-9)))
         amplitude = float(np.hypot(*trial.amplitudes))
         unadded[key] = Unadded(proposal.kind, proposal.order, amplitude, p_value, trial.share, why)
@@ -165,6 +185,12 @@ def _objection(trial: Trial, *, known: bool, room: bool) -> str:
     if trial.improved < LEAST_IMPROVED or trial.pays <= 0.0:
         return f"it improves {100 * trial.improved:.0f} % of the runs when they are left out"
     return ""
+
+
+def _crowded(joint: Fit, resolution: float) -> bool:
+    """Whether the last line came to lie within half a resolution of another of its kind."""
+    *others, last = joint.model.lines
+    return any(line.kind == last.kind and abs(line.order - last.order) < 0.5 * resolution for line in others)
 
 
 def _already_there(ground: Ground, proposal: _Proposal) -> bool:
@@ -242,8 +268,11 @@ def _angles_cover(ground: Ground) -> bool:
     return len(starts) >= LEAST_START_ANGLES
 
 
-def _propose(ground: Ground) -> tuple[list[_Proposal], float]:
-    """Scan every equation and give the classes to try at each peak, and the number of independent tests."""
+def _propose(ground: Ground) -> tuple[list[_Proposal], float, float]:
+    """Scan every equation and give the classes to try at each peak, and the tests among free and fixed orders.
+
+    Either kind has half of the false alarms: a class without a free order need not pay for the search.
+    """
     found: list[_Proposal] = []
     tests = 0.0
     linear = ground.fit.linear
@@ -258,26 +287,25 @@ def _propose(ground: Ground) -> tuple[list[_Proposal], float]:
             if spectrum is None:
                 continue
             tests += spectrum.tests
-            for order in _tops(spectrum):
-                found += _classes(equation, variable, order, spectrum.resolution, ratio, effects, against=against)
-        tests += len(effects)
-    for kind in effects:
-        if kind.fixed_order is not None:
-            found.append(_Proposal(kind, kind.fixed_order, 0.0))
-    return found, max(tests, 1.0)
+            for peak in _tops(spectrum):
+                classes = _classes(equation, variable, peak.order, spectrum.resolution, ratio, effects, against=against)
+                found += [replace(proposal, height=peak.height) for proposal in classes]
+    fixed = [_Proposal(kind, kind.fixed_order, 0.0) for kind in effects if kind.fixed_order is not None]
+    return found + fixed, 2.0 * max(tests, 1.0), 2.0 * max(len(fixed), 1)
 
 
-def _tops(spectrum: Spectrum) -> list[float]:
-    by_height = [peak.order for peak in peaks(spectrum, PEAKS_BY_HEIGHT)]
-    flat = replace(spectrum)
-    by_power: list[float] = []
-    for place in np.argsort(flat.power)[::-1]:
-        order = float(flat.orders[place])
-        if all(abs(order - other) > spectrum.resolution for other in by_power):
-            by_power.append(order)
-        if len(by_power) == PEAKS_BY_POWER:
+def _tops(spectrum: Spectrum) -> list[Peak]:
+    """Give the peaks that stand out most and those with most power; a slow strong line need not stand out."""
+    found = list(peaks(spectrum, PEAKS_BY_HEIGHT))
+    powerful = 0
+    for place in np.argsort(spectrum.power)[::-1]:
+        order = float(spectrum.orders[place])
+        if all(abs(order - other.order) > spectrum.resolution for other in found):
+            found.append(Peak(order, 0.0))
+            powerful += 1
+        if powerful == PEAKS_BY_POWER:
             break
-    return by_height + [o for o in by_power if all(abs(o - h) > spectrum.resolution for h in by_height)]
+    return found
 
 
 def _classes(
@@ -312,15 +340,27 @@ def _classes(
 def _withdraw(
     pieces: Sequence[Piece], current: Fit, decisions: list[Decision], alpha: float
 ) -> tuple[Fit, list[Decision]]:
-    """Take out lines that no longer pay beside the others."""
-    if len(current.model.lines) < 2:
-        return current, decisions
-    for line in current.model.lines:
-        others = tuple(other for other in current.model.lines if other is not line)
-        if len(others) == len(current.model.lines):
+    """Take out lines that no longer pay beside the others, or have moved onto another."""
+    for line in sorted(current.model.lines, key=lambda line: line.amplitude):
+        present = current.model.lines
+        matches = [x for x in present if x.kind == line.kind and abs(x.order - line.order) < 1e-3 * line.order]
+        if len(present) < 2 or not matches:
             continue
+        here = min(matches, key=lambda x: abs(x.amplitude - line.amplitude))
+        others = tuple(x for x in present if x is not here)
+        near = any(
+            x.kind == here.kind and abs(x.order - here.order) < 0.5 * _resolution(current, here.kind) for x in others
+        )
         without = fit(pieces, replace(current.model, lines=others), current.noise, passes=3, block=current.block)
-        trial = try_line(prepare(without), line.kind, line.order)
-        if trial.single_p > alpha or trial.pays <= 0.0:
+        trial = try_line(prepare(without), here.kind, here.order)
+        if near or trial.single_p > alpha or trial.pays <= 0.0:
             current = refit(pieces, current, without.model)
     return current, decisions
+
+
+def _resolution(state: Fit, kind: TermClass) -> float:
+    """Give the distance of orders that the travel of all runs can tell apart."""
+    angles = [item.evaluation.positions.get(kind.variable) for item in state.linear]
+    known = [angle for angle in angles if angle is not None]
+    travel = max(float(a.max()) for a in known) - min(float(a.min()) for a in known)
+    return 2.0 * math.pi / max(travel, 1e-9)

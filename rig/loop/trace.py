@@ -15,7 +15,7 @@ from rig.log.run import ProcedureName, Run
 from rig.loop.campaign import LoopOptions, split_runs
 from rig.loop.checks import check_gear, check_signs
 from rig.loop.equations import FEWEST_SAMPLES, Equation, Piece, pieces_of
-from rig.loop.fit import Fit, fit, fit_from_several, reweighted
+from rig.loop.fit import Fit, fit, fit_stably, reweighted
 from rig.loop.frames import turned
 from rig.loop.metrics import Floor, Residual, errors, floor_of, pooled, residual_of
 from rig.loop.model import Model, predict
@@ -112,8 +112,7 @@ def lines_of(model: ModelFile, dut: Dut) -> tuple[Line, ...]:
 def fit_base(pieces: Sequence[Piece], start: Model) -> Fit:
     """Fit the base model, with the weights that its own residual calls for."""
     rough = reweighted(fit(pieces, start, {}, passes=0))
-    first = reweighted(fit_from_several(pieces, start, rough.noise, rough.block))
-    return reweighted(fit_from_several(pieces, first.model, first.noise, first.block))
+    return fit_stably(pieces, start, rough.noise, rough.block)
 
 
 def _settled(pieces: Sequence[Piece], start: Model) -> list[Piece]:

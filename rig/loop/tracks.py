@@ -32,17 +32,14 @@ SPEED_BAND = 0.08
 LEG_END = 0.2
 """s cut off at both ends of a leg."""
 
-SHORTEST_LEG = 0.4
+SHORTEST_LEG = 0.2
 """s of what remains of a leg."""
 
 SPEED_WINDOW = 0.1
 """s over which an angle is differentiated."""
 
-M_TURN = 1.0
-T_TURN = 0.125
-"""Motor turns over which torques of a turning run are averaged before they enter the model. Detent torque and the
-drive's own inertia stay in the rotor: over a whole turn only what the wave generator carries is left. The output
-torque keeps what repeats a few times a turn."""
+SHARE_OF_A_TURN = 0.125
+"""Motor turns over which the output torque of a turning run is averaged: it keeps what repeats a few times a turn."""
 
 MIN_SIDE = 4
 """Samples on a side without which torques are left as they are."""
@@ -62,7 +59,8 @@ class Track:
     """One run at one resolution. Arrays of shape (n,), None where not recorded.
 
     `motor_position`, `output_position` rad; `T` and `M`: output and motor torque (N*m) as inputs of the springs,
-    smoothed; `play_load`, `play_drive` as inputs of a play, smoothed more; `output_torque`, `motor_torque` as recorded, `motor_current` motor current (A) where it cannot be
+    smoothed; `play_load`, `play_drive` as inputs of a play, smoothed more; `output_torque`, `motor_torque` as recorded,
+    `motor_current` (A) where it cannot be
     turned into a torque. `speed`: rad/s of the leg at the motor (at the output if only that is known), 0 outside legs.
     `direction`: sign of the smoothed speed. `usable`: neither missing nor saturated; `steady`: inside a leg.
     `moves`: the run turns, so that its measured angle is far larger than any torsion.
@@ -138,8 +136,8 @@ def make_track(run: Run, dut: Dut) -> Track:
         period=period,
         motor_position=motor_position,
         output_position=output_position,
-        T=_over_turns(output_torque, leg_speed, period, T_TURN) if moves else _smooth(output_torque, window),
-        M=_over_turns(motor_torque, leg_speed, period, M_TURN) if moves else _smooth(motor_torque, window),
+        T=_over_turns(output_torque, leg_speed, period) if moves else _smooth(output_torque, window),
+        M=motor_torque if moves else _smooth(motor_torque, window),
         play_load=_smooth(output_torque, play_window),
         play_drive=_smooth(motor_torque, play_window),
         output_torque=output_torque,
@@ -232,7 +230,7 @@ def _smooth(values: Floats | None, side: int) -> Floats | None:
     return np.asarray(smoothed) if n > 2 * side else values
 
 
-def _over_turns(values: Floats | None, leg_speed: Floats, period: float, turns: float) -> Floats | None:
+def _over_turns(values: Floats | None, leg_speed: Floats, period: float) -> Floats | None:
     """Average over a share of a motor turn, leg by leg."""
     if values is None:
         return None
@@ -240,7 +238,7 @@ def _over_turns(values: Floats | None, leg_speed: Floats, period: float, turns: 
     edges = np.flatnonzero(np.diff(leg_speed, prepend=np.nan, append=np.nan) != 0)
     for start, stop in itertools.pairwise(edges.tolist()):
         if leg_speed[start] != 0.0:
-            width = round(turns * 2.0 * np.pi / abs(leg_speed[start]) / period)
+            width = round(SHARE_OF_A_TURN * 2.0 * np.pi / abs(leg_speed[start]) / period)
             width = max(1, min(width, stop - start))
             averaged[start:stop] = uniform_filter1d(values[start:stop], width, mode="reflect")
     return averaged
@@ -290,10 +288,14 @@ def _legs(speed: Floats, period: float) -> Floats:
     calm = (change < SPEED_BAND * size) & (size > 0.01 * size.max())
     edges = np.flatnonzero(np.diff(np.concatenate([[0], (calm * np.sign(speed)).astype(int), [0]])))
     cut = round(LEG_END / period)
-    for start, stop in itertools.pairwise(edges.tolist()):
-        if not calm[start] or stop - start < 2 * cut + SHORTEST_LEG / period:
+    for first, last in itertools.pairwise(edges.tolist()):
+        if not calm[first]:
             continue
-        set_speed = float(np.median(speed[start:stop]))
-        inside = slice(start + cut, stop - cut)
-        found[inside] = np.where(np.abs(speed[inside] - set_speed) <= SPEED_BAND * abs(set_speed), set_speed, 0.0)
+        set_speed = float(np.median(speed[first:last]))
+        away = np.flatnonzero(np.abs(speed - set_speed) > SPEED_BAND * abs(set_speed))
+        place = int(np.searchsorted(away, first))
+        start = int(away[place - 1]) + 1 if place > 0 else 0
+        stop = int(away[place]) if place < away.size else speed.size
+        if stop - start >= 2 * cut + SHORTEST_LEG / period:
+            found[start + cut : stop - cut] = set_speed
     return found
