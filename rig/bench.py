@@ -50,6 +50,7 @@ class Bench:
         self._transports = transports or {}
         self._buses: list[DeviceBus] = []
         self._devices: dict[str, Drive | Sensor] = {}
+        self._drives: dict[Axis, Drive] = {}
         self._modes: dict[Axis, Mode | None] = {Axis.MOTOR: None, Axis.LOAD: None}
         self._commands: dict[Axis, Setpoint | None] = {Axis.MOTOR: None, Axis.LOAD: None}
 
@@ -75,6 +76,7 @@ class Bench:
 
     def _name_parts(self) -> None:
         """Keep each role's device at hand for the cycle."""
+        self._drives = {axis: cast(Drive, self._devices[axis.value]) for axis in Axis if self.has(axis.value)}
         self._motor = cast(Drive, self._devices["motor"])
         self._load = cast(Drive | None, self._devices.get("load"))
         self._encoder = cast(Sensor | None, self._devices.get("output_encoder"))
@@ -162,7 +164,7 @@ class Bench:
 
     def readings(self) -> Mapping[Axis, DriveReading]:
         """Give the latest reading of each drive."""
-        return {axis: self._drive(axis).read() for axis in Axis if self.has(axis.value)}
+        return {axis: drive.read() for axis, drive in self._drives.items()}
 
     def events(self) -> list[DeviceEvent]:
         """Give what the devices reported by themselves since the last call."""
@@ -190,7 +192,7 @@ class Bench:
         states: dict[Axis, DriveState] = {}
         failure: RigError | None = None
         for axis in Axis:
-            if not self.has(axis.value) or axis.value not in self._devices:
+            if axis not in self._drives:
                 continue
             self._modes[axis] = self._commands[axis] = None
             try:
@@ -231,6 +233,7 @@ class Bench:
             except RigError as error:
                 failures.append(error)
         self._devices.clear()
+        self._drives.clear()
         self._buses.clear()
         if failures:
             for other in failures[1:]:
@@ -238,10 +241,10 @@ class Bench:
             raise failures[0]
 
     def _drive(self, axis: Axis) -> Drive:
-        device = self._devices.get(axis.value)
-        if device is None:
+        drive = self._drives.get(axis)
+        if drive is None:
             raise DriveFaultError(axis.value, "is not part of this bench", hint="Name it in the bench file.")
-        return cast(Drive, device)
+        return drive
 
 
 def _by_bus(configs: tuple[DeviceConfig, ...]) -> dict[tuple[str, str, str], tuple[DeviceConfig, ...]]:

@@ -1,6 +1,8 @@
 """The limit check of every cycle: setpoints before they are sent, samples as they come in."""
 
+import math
 from collections import deque
+from operator import attrgetter
 
 from drivers.errors import LimitError
 from drivers.signals import BY_NAME
@@ -12,6 +14,8 @@ SPEED_WINDOW = 10
 WATCHED = ("motor_torque", "output_torque", "load_torque", "temperature", "motor_temperature")
 """Signals bounded by magnitude as they are; speed and travel are derived from the positions."""
 
+_watched_values = attrgetter(*WATCHED)
+
 HINT = "Check the set-up and the procedure's parameters before raising the limit in the bench file."
 
 
@@ -20,13 +24,20 @@ class LimitWatch:
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
-        self._bounds = {
-            "motor_torque": limits.motor_torque,
-            "output_torque": limits.output_torque,
-            "load_torque": limits.load_torque,
-            "temperature": limits.temperature,
-            "motor_temperature": limits.temperature,
-        }
+        self._travel_bounded = math.isfinite(limits.motor_travel) or math.isfinite(limits.output_travel)
+        self._bounds = tuple(
+            zip(
+                WATCHED,
+                (
+                    limits.motor_torque,
+                    limits.output_torque,
+                    limits.load_torque,
+                    limits.temperature,
+                    limits.temperature,
+                ),
+                strict=True,
+            )
+        )
         self._start: Sample | None = None
         self._positions: deque[tuple[float, float]] = deque(maxlen=SPEED_WINDOW + 1)
         self._speed = 0.0
@@ -40,14 +51,15 @@ class LimitWatch:
 
     def check_setpoint(self, axis: Axis, setpoint: Setpoint, cycle: int) -> None:
         """Raise LimitError if the setpoint is above a limit."""
-        if setpoint.mode is Mode.TORQUE:
+        mode = setpoint.mode
+        if mode is Mode.TORQUE:
             bound = self._limits.motor_torque if axis is Axis.MOTOR else self._limits.load_torque
-            signal, unit = f"{axis}_torque_command", "N*m"
-        elif setpoint.mode is Mode.VELOCITY and axis is Axis.MOTOR:
-            bound, signal, unit = self._limits.motor_velocity, "motor_velocity_command", "rad/s"
+        elif mode is Mode.VELOCITY and axis is Axis.MOTOR:
+            bound = self._limits.motor_velocity
         else:
             return
         if abs(setpoint.value) > bound:
+            signal, unit = f"{axis}_{mode}_command", "N*m" if mode is Mode.TORQUE else "rad/s"
             raise LimitError(signal, setpoint.value, bound, unit, cycle=cycle, hint="The setpoint was not sent.")
 
     def observe(self, sample: Sample) -> None:
@@ -55,8 +67,7 @@ class LimitWatch:
         if self._start is None:
             self._start = sample
         extremes = self.extremes
-        for name in WATCHED:
-            value = getattr(sample, name)
+        for name, value in zip(WATCHED, _watched_values(sample), strict=True):
             if value is not None and abs(value) > extremes.get(name, -1.0):
                 extremes[name] = abs(value)
         if sample.motor_position is not None:
@@ -70,13 +81,12 @@ class LimitWatch:
 
     def check(self, sample: Sample) -> None:
         """Raise LimitError for the first limit that this sample breaks."""
-        for name, bound in self._bounds.items():
-            value = getattr(sample, name)
+        for value, (name, bound) in zip(_watched_values(sample), self._bounds, strict=True):
             if value is not None and abs(value) > bound:
                 raise _reached(name, value, bound, sample.cycle)
         if abs(self._speed) > self._limits.motor_velocity:
             raise _reached("motor_velocity", self._speed, self._limits.motor_velocity, sample.cycle)
-        if self._start is not None:
+        if self._start is not None and self._travel_bounded:
             start = self._start
             _check_travel(
                 "motor_position", sample.motor_position, start.motor_position, self._limits.motor_travel, sample.cycle

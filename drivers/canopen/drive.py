@@ -8,6 +8,7 @@ watchdog time an event says so.
 
 import math
 import struct
+from collections.abc import Callable
 
 import can
 
@@ -82,6 +83,9 @@ class Cia402Drive:
         self._open = False
         self._no_watchdog = ""
         self._mode: Mode | None = None
+        self._scale = 1.0
+        self._pack_setpoint: Callable[[int, int], bytes] = _LAYOUTS[Mode.TORQUE].pack
+        self._setpoint_id = 0
         self._last_setpoint: float | None = None
         self._units = _UNKNOWN_UNITS
         self._unpack = _FEEDBACK_LAYOUT.unpack
@@ -156,6 +160,9 @@ class Cia402Drive:
         except RigError as error:
             self._back_off(error)
             raise
+        self._scale = self._units.scale(mode)
+        self._pack_setpoint = _LAYOUTS[mode].pack
+        self._setpoint_id = SETPOINTS[mode].can_id(self.node.node_id)
         self._mode, self._last_setpoint, self.armed = mode, None, True
         self._report_if_slow(self._clock.now() - begin)
 
@@ -173,14 +180,13 @@ class Cia402Drive:
                 hint="Enable the drive first.",
             )
         try:
-            raw = round(value / self._units.scale(mode))
+            raw = round(value / self._scale)
             if mode is Mode.POSITION:
                 raw = ((raw + _HALF) & _MASK) - _HALF
-            data = _LAYOUTS[mode].pack(cia402.ENABLE_OPERATION, raw)
+            data = self._pack_setpoint(cia402.ENABLE_OPERATION, raw)
         except (struct.error, ValueError, OverflowError) as error:
             raise self._too_large(mode, value) from error
-        can_id = SETPOINTS[mode].can_id(self.node.node_id)
-        self.queued = can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
+        self.queued = can.Message(0.0, self._setpoint_id, False, data=data)
         self._last_setpoint = value
 
     def read(self) -> DriveReading:
@@ -190,13 +196,14 @@ class Cia402Drive:
             state = cia402.decode_state(word)
         except ValueError as error:
             raise DriveFaultError(self.name, f"reports an impossible state: {error}") from error
+        units = self._units
         return DriveReading(
-            position=self._counts * self._units.position,
-            torque=self._raw_torque * self._units.torque,
-            state=state,
-            status_word=word,
-            limit_active=word & cia402.INTERNAL_LIMIT != 0,
-            age=self.age,
+            self._counts * units.position,
+            self._raw_torque * units.torque,
+            state,
+            word,
+            word & cia402.INTERNAL_LIMIT != 0,
+            self.age,
         )
 
     def disable(self) -> DriveState:

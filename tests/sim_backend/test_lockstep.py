@@ -4,7 +4,7 @@ import can
 import pytest
 
 from sim_backend.buses.hooks import corrupt, delay, drop, duplicate, from_node, process_data_of, refuse
-from sim_backend.buses.lockstep import BITRATE, CASCADE_LIMIT, SILENCE_LIMIT, frame_bits
+from sim_backend.buses.lockstep import BITRATE, CASCADE_LIMIT, SILENCE_LIMIT, _message, frame_bits
 from sim_backend.nodes.bench import bench_nodes
 from sim_backend.nodes.frame import Frame
 from sim_backend.world import World
@@ -238,3 +238,12 @@ def test_the_bus_is_a_python_can_bus_and_a_context_manager(world: World) -> None
     with world.bus as bus:
         assert isinstance(bus, can.BusABC)
         assert "lock-step" in str(bus)
+
+
+def test_a_received_message_is_what_the_constructor_would_make() -> None:
+    made = _message(1.5, 0x181, b"1234567")
+    wanted = can.Message(1.5, 0x181, is_extended_id=False, data=b"1234567")
+    for name in can.Message.__slots__:
+        if name != "__weakref__":
+            assert getattr(made, name) == getattr(wanted, name), name
+            assert type(getattr(made, name)) is type(getattr(wanted, name)), name
