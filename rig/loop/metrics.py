@@ -156,7 +156,11 @@ def _from_replicates(found: Sequence[tuple[Residual, Residual]], wanted: Sequenc
         difference = (a - b) - (a - b).mean() if one.piece.demeaned else a - b
         starts = np.flatnonzero(np.diff(np.floor(time / BLOCK), prepend=-1.0))
         counts = np.diff(np.append(starts, time.size))
-        blocks.append(np.add.reduceat(difference**2 / 2.0, starts) / counts)
+        # counts of two runs can be in antiphase: their difference then shows more noise than either run has
+        excess = (
+            max(float(np.mean(difference**2)) / float(np.mean(a**2 + b**2)), 1.0) if np.any(a) or np.any(b) else 1.0
+        )
+        blocks.append(np.add.reduceat(difference**2 / (2.0 * excess), starts) / counts)
         fast += [one.fast, two.fast]
     if not blocks:
         return None
