@@ -21,9 +21,6 @@ Floats = NDArray[np.float64]
 BLOCK = 2.0
 """s over which residuals are summed for tests and intervals; longer where the residual remembers longer."""
 
-MEMORIES_A_BLOCK = 10.0
-"""A block is at least this many correlation times long."""
-
 COARSE = 3000
 POLISH = 3
 """Passes over all samples after a coarse fit."""
@@ -123,17 +120,13 @@ def fit_stably(pieces: Sequence[Piece], model: Model, noise: dict[Kind, Noise], 
 def reweighted(state: Fit) -> Fit:
     """Give the same fit with the weights and blocks that its own residual calls for."""
     noise = noise_of(state.linear)
-    memory = max((noise[item.piece.kind].length * item.piece.track.period for item in state.linear), default=0.0)
-    longest = min((float(np.ptp(item.piece.track.time)) for item in state.linear), default=BLOCK)
-    block = min(max(BLOCK, MEMORIES_A_BLOCK * memory), max(BLOCK, longest / 4.0))
-    pieces = [item.piece for item in state.linear]
-    return _state(pieces, state.model, state.columns, noise, block)
+    return with_noise(state, noise)
 
 
-def with_blocks(state: Fit, block: float) -> Fit:
-    """Give the same fit with blocks of another length (s)."""
+def with_noise(state: Fit, noise: dict[Kind, Noise]) -> Fit:
+    """Give the same fit with other weights and the blocks that go with them."""
     pieces = [item.piece for item in state.linear]
-    return _state(pieces, state.model, state.columns, state.noise, block)
+    return _state(pieces, state.model, state.columns, noise, state.block)
 
 
 def covariance(state: Fit) -> Floats:

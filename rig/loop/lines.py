@@ -67,7 +67,12 @@ def scan(items: Sequence[LinearPiece], variable: str, *, against_motion: bool = 
     low, travel = float(angle.min()), float(np.ptp(angle))
     if travel < 1e-3:
         return None
-    steps = np.concatenate([np.abs(np.diff(a)) for a in angles])
+    turning = [
+        a
+        for a, item in zip(angles, (i for i in items if variable in i.evaluation.positions), strict=True)
+        if item.piece.track.moves
+    ]
+    steps = np.concatenate([np.abs(np.diff(a)) for a in turning or angles])
     moving = steps[steps > 0]
     finest = float(np.percentile(moving, 25)) if moving.size else travel
     highest = min(HIGHEST_ORDER, max(USUAL_HIGHEST_ORDER, 0.45 * 2.0 * np.pi / finest))

@@ -18,6 +18,15 @@ from rig.loop.terms import line_values
 Floats = NDArray[np.float64]
 Kind = tuple[Equation, Law, bool]
 
+LONGEST_MEMORY = 5.0
+"""Samples of correlation that lower a weight at most: structure that a better fit removes must keep its say."""
+
+MEMORIES_A_BLOCK = 10.0
+"""A block is at least this many correlation times long,"""
+
+LEAST_BLOCKS = 4.0
+"""but a run has at least this many."""
+
 
 @dataclass(frozen=True, slots=True)
 class Noise:
@@ -29,7 +38,7 @@ class Noise:
     @property
     def weight(self) -> float:
         """Information of one sample, 1/unit**2."""
-        return 1.0 / (self.sigma**2 * self.length)
+        return 1.0 / (self.sigma**2 * min(self.length, LONGEST_MEMORY))
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,8 +118,8 @@ def solve(A: Floats, b: Floats) -> Floats:
 def linearise(
     pieces: Sequence[Piece], model: Model, columns: Columns, noise: dict[Kind, Noise], block: float
 ) -> list[LinearPiece]:
-    """Evaluate every piece about the model. `block`: s."""
-    numbers: dict[tuple[str, int], int] = {}
+    """Evaluate every piece about the model. `block`: length of the blocks of time at least, s."""
+    numbers: dict[tuple[str, Law, int], int] = {}
     found = []
     for piece in pieces:
         evaluation = predict(piece, model)
@@ -132,12 +141,20 @@ def linearise(
         if piece.demeaned:
             residual = residual - residual.mean()
             jacobian -= jacobian.mean(axis=0)
-        slot = np.floor(piece.track.time[rows] / block).astype(int)
+        slot = np.floor(piece.track.time[rows] / _block_of(piece, noise, block)).astype(int)
         starts = np.flatnonzero(np.concatenate([[True], np.diff(slot) != 0]))
-        ids = [numbers.setdefault((piece.track.name, int(slot[start])), len(numbers)) for start in starts]
+        ids = [numbers.setdefault((piece.track.name, piece.law, int(slot[start])), len(numbers)) for start in starts]
         weight = noise[piece.kind].weight if piece.kind in noise else 1.0
         found.append(LinearPiece(piece, evaluation, residual, jacobian, weight, starts, np.array(ids)))
     return found
+
+
+def _block_of(piece: Piece, noise: dict[Kind, Noise], block: float) -> float:
+    """Give the length (s) of a piece's blocks: at least `block`, longer where its residual remembers longer."""
+    if piece.kind not in noise:
+        return block
+    memory = MEMORIES_A_BLOCK * noise[piece.kind].length * piece.track.period
+    return max(block, min(memory, float(np.ptp(piece.track.time)) / LEAST_BLOCKS))
 
 
 def _is_logarithmic(model: Model, name: str) -> bool:

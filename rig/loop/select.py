@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rig.loop.equations import Equation, Piece
-from rig.loop.fit import Fit, fit, fit_stably, with_blocks
+from rig.loop.fit import Fit, fit, fit_stably, with_noise
 from rig.loop.lines import Peak, Spectrum, peaks, refine, scan
 from rig.loop.model import Model
 from rig.loop.result import Candidate, Verdict
@@ -156,8 +156,8 @@ def _round(
                 lines = (*ground.fit.model.lines, line)
                 joint = refit(pieces, ground.fit, replace(ground.fit.model, lines=lines))
                 # what the term explains is not noise that remembers: blocks are as long as what it leaves asks for
-                again = try_line(prepare(with_blocks(ground.fit, joint.block)), chosen.kind, chosen.order)
-                p_value = min(p_value, 1.0, again.single_p * tests) if joint.block < ground.fit.block else p_value
+                again = try_line(prepare(with_noise(ground.fit, joint.noise)), chosen.kind, chosen.order)
+                p_value = min(1.0, again.single_p * tests)
                 if p_value > alpha:
                     continue
                 if not consistent(joint, len(lines) - 1):
