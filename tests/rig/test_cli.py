@@ -1,0 +1,245 @@
+"""The commands as their user meets them: exit code, one paragraph on stderr, results on stdout."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from drivers.clock import RealClock
+from drivers.types import Sample
+from rig.cli import app
+from rig.config.bench import load_bench
+from rig.log.load import load_run, load_runs
+from rig.log.writer import LogWriter
+
+SHORT_BACKDRIVE = ["--set", "backdrive.dwell=0.5", "--set", "backdrive.start_angles=1", "--set", "backdrive.repeats=1"]
+TOO_MUCH = ["--set", "locked-output.peak_torque=0.17"]
+"""About 16 N*m at the output, said outright; the default would keep below the bench's limit by itself."""
+SHORT_SWEEP = [
+    "--set", "locked-output.dwell=0.5", "--set", "locked-output.start_angles=1",
+    "--set", "locked-output.replicate_pairs=0", "--set", "locked-output.rates=0.3",
+    "--set", "locked-output.amplitudes=1",
+]  # fmt: skip
+
+
+def rig(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("campaign")
+    answer = rig("run", "locked-output", *SHORT_SWEEP, "--seed", 1, "-o", folder)
+    assert answer.exit_code == 0, answer.stderr
+    return folder
+
+
+def test_a_run_logs_the_measurement_and_its_set_up_apart(campaign):
+    (run,) = load_runs([campaign])
+    assert run.procedure == "locked-output"
+    assert run.complete
+    assert {"motor_position", "motor_torque", "output_position", "output_torque"} <= set(run.signals)
+    assert list((campaign / "set-up").glob("*.mcap"))
+    assert run.events[0].text == "dwell"
+
+
+def test_a_log_carries_its_provenance(campaign):
+    (run,) = load_runs([campaign])
+    for key in ("run_id", "procedure", "parameters", "operator", "dut", "bench", "backend", "software", "started"):
+        assert run.metadata[key], key
+    assert run.metadata["outcome.status"] == "done"
+    assert run.metadata["outcome.safe_state_confirmed"] == "true"
+    assert json.loads(run.metadata["outcome.measurements"])
+    assert "SHD-17-100" in run.dut_text
+    assert 'name = "sim"' in run.bench_text
+
+
+def test_a_second_run_into_one_folder_overwrites_nothing(campaign, tmp_path):
+    for _ in range(2):
+        assert rig("run", "locked-output", *SHORT_SWEEP, "-o", tmp_path).exit_code == 0
+    assert len(load_runs([tmp_path])) == 2
+
+
+def test_show_prints_what_the_log_holds(campaign):
+    (run,) = load_runs([campaign])
+    answer = rig("show", run.file)
+    assert answer.exit_code == 0
+    assert "output_torque" in answer.stdout
+    assert "locked-output" in answer.stdout
+    assert json.loads(rig("show", run.file, "--json").stdout)["samples"] == len(run.time)
+
+
+@pytest.mark.parametrize("kind", ["hdf5", "csv"])
+def test_export_writes_one_file_per_run(campaign, tmp_path, kind):
+    answer = rig("export", campaign, "--to", kind, "-o", tmp_path, "--json")
+    assert answer.exit_code == 0, answer.stderr
+    assert all(Path(name).stat().st_size > 0 for name in json.loads(answer.stdout)["files"])
+
+
+def test_json_on_stdout_is_the_result_and_nothing_else(tmp_path):
+    answer = rig("run", "backdrive", *SHORT_BACKDRIVE, "--json", "-o", tmp_path)
+    record = json.loads(answer.stdout)
+    names = {m["name"] for m in record["procedures"][0]["measurements"]}
+    assert "hysteresis_loss" in names
+
+
+def test_repeats_are_replicates_of_each_other(tmp_path):
+    answer = rig("run", "locked-output", *SHORT_SWEEP, "--repeat", 2, "-o", tmp_path)
+    assert answer.exit_code == 0, answer.stderr
+    groups = {run.replicate for run in load_runs([tmp_path])}
+    assert len(groups) == 1
+    assert None not in groups
+
+
+def test_a_dry_run_moves_nothing_and_prints_extremes_and_duration(tmp_path):
+    answer = rig("run", "locked-output", *SHORT_SWEEP, "--dry-run", "--json", "-o", tmp_path / "none")
+    assert answer.exit_code == 0, answer.stderr
+    record = json.loads(answer.stdout)
+    assert record["duration_s"] > 1
+    assert "motor_torque" in record["dry_run"][-1]["extremes"]
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_dry_run_refuses_what_would_break_a_limit_of_a_real_bench(tmp_path):
+    text = (
+        load_bench("sim")[1]
+        .replace('"simulated"\nchannel', '"socketcan"\nchannel')
+        .replace('lock = "simulated"', 'lock = "operator"')
+    )
+    bench = tmp_path / "bench.toml"
+    bench.write_text(text.replace("output_torque = 30.0", "output_torque = 12.0"))
+    answer = rig("run", "locked-output", *SHORT_SWEEP, *TOO_MUCH, "--bench", bench, "--dry-run")
+    assert answer.exit_code == 2
+    assert "output_torque" in answer.stderr
+    assert "12" in answer.stderr
+
+
+def test_a_limit_hit_in_motion_ends_with_code_3_and_a_complete_log(tmp_path):
+    bench = tmp_path / "bench.toml"
+    # the setpoint stays below the limit, its measurement (0.2 mN*m rms of noise) does not
+    bench.write_text(load_bench("sim")[1].replace("motor_torque = 0.25 ", "motor_torque = 0.1201 "))
+    setting = ["--set", "locked-output.peak_torque=0.12"]
+    answer = rig("run", "locked-output", *SHORT_SWEEP, *setting, "--bench", bench, "--seed", 2, "-o", tmp_path / "runs")
+    assert answer.exit_code == 3
+    for word in ("motor_torque", "0.1201 N*m", "confirmed", ".mcap"):
+        assert word in answer.stderr
+    (run,) = load_runs([tmp_path / "runs"])
+    assert run.complete
+    assert run.metadata["outcome.status"] == "limit"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["run", "locked-outputs"], ["locked-outputs", "there are"]),
+        (["run", "free-run", "--set", "free-run.sped=3"], ["free-run.sped", "no such parameter"]),
+        (["run", "free-run", "--set", "free-run.dwell=-1"], ["free-run.dwell", "out of range"]),
+        (["run", "free-run", "--set", "free-run.dwell=long"], ["free-run.dwell", "number"]),
+        (["run", "free-run", "--set", "dwell=1"], ["PROCEDURE.NAME=VALUE"]),
+        (["run", "free-run", "--bench", "none.toml"], ["none.toml"]),
+        (["run", "free-run", "--dut", "none.toml"], ["none.toml"]),
+        (["run", "free-run", "--model", "none.json"], ["none.json"]),
+        (["export", ".", "--to", "xlsx"], ["xlsx", "hdf5"]),
+    ],
+)
+def test_wrong_use_is_one_paragraph_and_code_2(arguments, words):
+    answer = rig(*arguments)
+    assert answer.exit_code == 2
+    assert answer.stdout == ""
+    for word in words:
+        assert word in answer.stderr
+
+
+def test_every_wrong_argument_is_named_at_once():
+    answer = rig("run", "spin", "free-run", "--set", "free-run.a=1", "--set", "free-run.dwell=-1", "--set", "x")
+    for word in ("spin", "free-run.a", "free-run.dwell", "'x'"):
+        assert word in answer.stderr
+
+
+def broken(folder: Path, name: str, content: bytes) -> Path:
+    path = folder / name
+    path.write_bytes(content)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("foreign.mcap", b"\x89MCAP0\r\nwhatever", ["foreign.mcap"]),
+        ("text.mcap", b"no mcap at all", ["text.mcap"]),
+        ("nan.csv", b"time[s],motor_position[rad]\n0,0\n1,nan\n", ["motor_position", "row 3"]),
+        ("unit.csv", b"time[s],motor_position[bananas]\n0,0\n1,1\n", ["motor_position", "bananas"]),
+        ("order.csv", b"time[s],motor_position[rad]\n0,0\n2,1\n1,2\n", ["time", "row 4"]),
+        ("notime.csv", b"motor_position[rad]\n0\n1\n", ["time"]),
+        ("empty.csv", b"", ["empty.csv"]),
+    ],
+)
+def test_a_bad_log_is_one_error_with_code_5(tmp_path, name, content, words):
+    answer = rig("show", broken(tmp_path, name, content))
+    assert answer.exit_code == 5
+    for word in words:
+        assert word in answer.stderr
+
+
+def test_a_cut_off_log_is_shown_and_recovered(campaign, tmp_path):
+    (run,) = load_runs([campaign])
+    cut = broken(tmp_path, "cut.mcap", run.file.read_bytes()[: run.file.stat().st_size // 2])
+    shown = rig("show", cut, "--json")
+    assert shown.exit_code == 0
+    assert json.loads(shown.stdout)["complete"] is False
+    assert rig("recover", cut, "-o", tmp_path / "saved.mcap").exit_code == 0
+    assert len(load_run(tmp_path / "saved.mcap").time) == json.loads(shown.stdout)["samples"]
+
+
+def test_a_recovered_log_is_never_written_over_another(campaign, tmp_path):
+    (run,) = load_runs([campaign])
+    taken = broken(tmp_path, "taken.mcap", b"something")
+    assert rig("recover", run.file, "-o", taken).exit_code == 2
+    assert taken.read_bytes() == b"something"
+
+
+def test_lists_are_complete_in_text_and_json():
+    for command, key in (("procedures", "procedures"), ("devices", "devices"), ("effects", "effects")):
+        assert rig(command).exit_code == 0
+        assert json.loads(rig(command, "--json").stdout)[key]
+
+
+@pytest.mark.parametrize(
+    ("sent", "by"), [(signal.SIGINT, "SIGINT"), (signal.SIGTERM, "SIGTERM"), (signal.SIGHUP, "SIGHUP")]
+)
+def test_a_signal_ends_a_run_safely_with_code_4_and_a_complete_log(tmp_path, sent, by):
+    process = subprocess.Popen(
+        [sys.executable, "-c", "from rig.cli import main; main()", "run", "free-run", "-o", str(tmp_path)],
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ,
+    )
+    clock = RealClock()
+    while not list(tmp_path.glob("*.mcap")) and clock.now() < 60:
+        clock.sleep_until(clock.now() + 0.05)
+    clock.sleep_until(clock.now() + 0.5)
+    process.send_signal(sent)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 4, errors
+    assert by in errors
+    assert "confirmed" in errors
+    (run,) = load_runs([tmp_path])
+    assert run.complete
+    assert run.metadata["outcome.status"] == "aborted"
+    assert run.metadata["outcome.safe_state_confirmed"] == "true"
+
+
+def test_hostile_names_in_a_log_do_not_reach_the_terminal_as_markup(tmp_path):
+    path = tmp_path / "x.mcap"
+    writer = LogWriter(
+        path, {"run_id": "1", "operator": "[bold red]Eve[/]"}, attachments={}, cycle_rate=1000, epoch_ns=0
+    )
+    writer.write(Sample(time=0.0, cycle=0, motor_position=1.0))
+    writer.write(Sample(time=1e-3, cycle=1, motor_position=2.0))
+    writer.close({"status": "done"})
+    assert "[bold red]Eve[/]" in rig("show", path).stdout
