@@ -140,7 +140,8 @@ def covariance(state: Fit) -> Floats:
         np.add.at(scores, item.blocks, item.block_sums(moments))
     middle = scores.T @ scores
     freedom = max(count - A.shape[0], 1)
-    return np.asarray(inverse @ middle @ inverse * (count / freedom))
+    # the catalogue's scatter is part of what is not known
+    return np.asarray(inverse @ (middle * (count / freedom) + np.diag(state.prior)) @ inverse)
 
 
 def quantile(state: Fit) -> float:

@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from rig.config.dut import Dut
+from rig.loop.equations import Equation
 from rig.loop.evidence import Repeats, repeats
 from rig.loop.metrics import Residual
 from rig.loop.parameters import flexspline_from_catalogue
@@ -120,8 +121,10 @@ def _absorbed(selection: Selection, dut: Dut) -> list[Open]:
     gear = dut.gear
     if gear.K1 is None or gear.K2 is None or gear.T1 is None or gear.T2 is None:
         return []
+    # without a sweep of the torque its noise is all that tells of the stiffness
+    swept = any(i.piece.equation is Equation.TORSION and not i.piece.track.moves for i in selection.fit.linear)
     estimate = base_estimates(selection.fit).get("K_F0")
-    if estimate is None or estimate.ci95 is None:
+    if not swept or estimate is None or estimate.ci95 is None:
         return []
     catalogue, _ = flexspline_from_catalogue(gear.K1, gear.K2, gear.T1, gear.T2)
     deviation = estimate.value / catalogue - 1.0

@@ -1,0 +1,85 @@
+"""model.json, predictions, table and plot of one small campaign."""
+
+import json
+import math
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.errors import ConfigError
+from rig.loop.campaign import LoopOptions
+from rig.loop.model_file import load_model, write_model
+from rig.loop.plot import plot_loop
+from rig.loop.predict import predict_run, write_predictions
+from rig.loop.result import LoopResult
+from rig.loop.table import text_of
+from rig.loop.trace import trace
+from tests.rig.loop.runs import dut, turning_run
+
+
+@cache
+def result() -> LoopResult:
+    runs = [turning_run(name, seed) for seed, name in enumerate("abc")]
+    return trace(runs, dut(), LoopOptions(held_out=("c",)))
+
+
+def test_a_model_file_comes_back_as_it_was_written(tmp_path: Path) -> None:
+    write_model(result().model, tmp_path / "model.json")
+    assert load_model(tmp_path / "model.json") == result().model
+
+
+def test_the_dut_of_a_model_file_is_the_dut_it_was_fitted_with() -> None:
+    assert dut(result().model.dut_text()) == dut()
+
+
+def test_a_model_file_with_mistakes_names_each_of_them(tmp_path: Path) -> None:
+    content = result().model.model_dump(mode="json", by_alias=True)
+    content["schema"], content["extra"] = "rig.model/9", 1
+    path = tmp_path / "model.json"
+    path.write_text(json.dumps(content))
+    with pytest.raises(ConfigError) as caught:
+        load_model(path)
+    assert {mistake.path for mistake in caught.value.mistakes} == {"schema", "extra"}
+
+
+def test_a_prediction_and_its_residual_add_up_to_the_target() -> None:
+    run = turning_run("d", 7)
+    torque = next(item for item in predict_run(run, result().model) if item.equation == "motor-torque")
+    assert np.allclose(torque.predicted + torque.residual, run.signals["motor_torque"], atol=1e-15)
+    # white noise of 0.2 mN*m around Coulomb friction, and 20 mN*m of the output over 100, averaged over 4 samples
+    assert np.std(torque.residual[~torque.settling]) == pytest.approx(math.hypot(2e-4, 1e-4), rel=0.1)
+
+
+def test_the_predicted_motor_torque_does_not_depend_on_the_measured_one() -> None:
+    run = turning_run("d", 7)
+    other = type(run)("e", run.file, run.procedure, run.time, {**run.signals, "motor_torque": np.zeros(run.time.size)})
+    one, two = (
+        next(item for item in predict_run(r, result().model) if item.equation == "motor-torque") for r in (run, other)
+    )
+    assert np.array_equal(one.predicted, two.predicted)
+
+
+def test_predictions_are_written_under_the_contract_names(tmp_path: Path) -> None:
+    (path,) = write_predictions([turning_run("d", 7)], result().model, tmp_path)
+    header = path.read_text().splitlines()[0].split(",")
+    assert header[:5] == [
+        "time[s]",
+        "torsion_predicted[rad]",
+        "torsion_residual[rad]",
+        "motor_torque_predicted[N*m]",
+        "motor_torque_residual[N*m]",
+    ]
+
+
+def test_the_table_gives_before_after_and_floor_of_every_equation() -> None:
+    text = text_of(result())
+    assert "Verdict: none" in text
+    assert {"torsion", "motor-torque", "before", "after", "floor"} <= set(text.split())
+
+
+@pytest.mark.parametrize("suffix", ["svg", "png"])
+def test_the_plot_is_written_with_the_run_names_on_it(tmp_path: Path, suffix: str) -> None:
+    path = plot_loop(result(), tmp_path / f"loop.{suffix}")
+    assert path.stat().st_size > 1000

@@ -1,0 +1,110 @@
+"""Parts of the loop against closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+
+from drivers.errors import DataError
+from rig.loop.campaign import LoopOptions, split_runs
+from rig.loop.equations import pieces_of
+from rig.loop.normal import correlation_length, solve
+from rig.loop.parameters import flexspline_from_catalogue
+from rig.loop.play import play_path
+from rig.loop.terms import Line, line_values, periodic_effects
+from rig.loop.tracks import make_track
+from sim_backend.model.arrays import evaluate, evaluate_slope
+from sim_backend.model.effects import CATALOGUE
+from tests.rig.loop.runs import dut, make_run, turning_run
+
+
+def test_the_catalogue_gives_the_worked_stiffness_of_the_paper() -> None:
+    K_F0, C_F = flexspline_from_catalogue(8.4e3, 9.4e3, 3.9, 12.0)
+    assert pytest.approx(8335.98, abs=0.01) == K_F0
+    assert pytest.approx(0.044940, abs=1e-6) == C_F
+
+
+def test_a_play_is_known_only_after_it_has_slipped_from_either_start() -> None:
+    path = play_path(np.array([0.0, 0.5, 1.5, 3.0, 2.0, 0.0]), 1.0)
+    # from 0: rests, rests, 0.5, 2, rests, 1; a start at the other wall joins once the input has moved 2 radii
+    assert path.output.tolist() == [0.0, 0.0, 0.5, 2.0, 2.0, 1.0]
+    assert path.settled.tolist() == [False, False, False, True, True, True]
+    assert path.side[-1] == -1.0
+
+
+@pytest.mark.parametrize("kind", periodic_effects(), ids=lambda kind: kind.id)
+def test_a_line_is_the_function_of_its_catalogue_effect(kind) -> None:
+    effect = CATALOGUE[kind.effect]
+    order = kind.fixed_order or 3.3
+    line = Line(kind, order, 0.5 * math.cos(0.7), 0.5 * math.sin(0.7))
+    angle = np.linspace(-9.0, 9.0, 301)
+    given = {"amplitude": 0.5 * effect_scale(effect), "order": order, "phase": 0.7}
+    values = [given[parameter.name] for parameter in effect.parameters]
+    expected = evaluate(effect, {kind.variable: angle}, values) / effect_scale(effect)
+    assert np.allclose(line_values(line, angle).value, expected, atol=1e-12)
+    if effect.slope is not None:
+        slope = evaluate_slope(effect, {kind.variable: angle}, values) / effect_scale(effect)
+        assert np.allclose(line_values(line, angle).slope, slope, atol=1e-12)
+
+
+def effect_scale(effect) -> float:
+    return float(next(p.typical for p in effect.parameters if p.name == effect.amplitude))
+
+
+def test_white_noise_has_a_correlation_length_of_one_sample() -> None:
+    assert correlation_length(np.random.default_rng(0).standard_normal(20_000)) == pytest.approx(1.0, abs=0.2)
+
+
+def test_ar1_noise_has_its_closed_form_correlation_length() -> None:
+    rng = np.random.default_rng(1)
+    noise = np.zeros(200_000)
+    for k, step in enumerate(rng.standard_normal(noise.size - 1)):
+        noise[k + 1] = 0.9 * noise[k] + step
+    # (1 + a)/(1 - a); a sum up to the first zero of an estimate scatters by a few per cent
+    assert correlation_length(noise) == pytest.approx(19.0, rel=0.15)
+
+
+def test_a_direction_without_information_stays_where_it_is() -> None:
+    A = np.diag([4.0, 0.0, 2.0])
+    assert solve(A, np.array([8.0, 0.0, 3.0])).tolist() == pytest.approx([2.0, 0.0, 1.5])
+
+
+def test_legs_of_constant_speed_are_found_and_their_ends_cut() -> None:
+    track = make_track(turning_run("a", 0, speed=20.0), dut())
+    assert set(np.round(np.unique(track.speed)).tolist()) == {-20.0, 0.0, 20.0}
+    forward = track.time[track.speed > 0]
+    # the leg lasts from 1.2 to 12 s; 0.2 s are cut at each end
+    assert 1.3 < forward[0] < 1.7
+    assert 11.5 < forward[-1] < 11.9
+
+
+def test_rotation_same_gives_the_torsion_of_rotation_opposed() -> None:
+    opposed = turning_run("a", 0)
+    mirrored = {k: (-v if k.startswith("motor") else v) for k, v in opposed.signals.items()}
+    same = make_run("a", "free-run", opposed.time, mirrored)
+    text = 'name = "x"\n[gear]\nratio = 100\nrotation = "{}"\n'
+    one = pieces_of(make_track(opposed, dut(text.format("opposed"))), 100.0)
+    two = pieces_of(make_track(same, dut(text.format("same"))), 100.0)
+    assert [piece.equation for piece in one] == [piece.equation for piece in two]
+    assert all(np.array_equal(a.target, b.target) for a, b in zip(one, two, strict=True))
+
+
+def test_replicates_are_held_out_together() -> None:
+    runs = [make_run(name, "free-run", np.arange(3.0), {}, replicate=group) for name, group in
+            (("a", "g"), ("b", "g"), ("c", None))]  # fmt: skip
+    campaign = split_runs(runs, LoopOptions(held_out=("a*",)))
+    assert [run.name for run in campaign.held_out] == ["a", "b"]
+    assert any("Replicates stay on one side" in warning for warning in campaign.warnings)
+
+
+def test_a_drawn_split_takes_from_every_procedure_and_repeats_with_its_seed() -> None:
+    runs = [make_run(f"{p}-{k}", p, np.arange(3.0), {}) for p in ("free-run", "backdrive") for k in range(4)]
+    one, two = (split_runs(runs, LoopOptions(seed=3)) for _ in range(2))
+    assert [run.name for run in one.held_out] == [run.name for run in two.held_out]
+    assert {run.procedure.value for run in one.held_out} == {"free-run", "backdrive"}
+
+
+def test_two_runs_of_one_name_are_refused() -> None:
+    runs = [make_run("a", "free-run", np.arange(3.0), {}) for _ in range(2)]
+    with pytest.raises(DataError, match="two runs have this name"):
+        split_runs(runs, LoopOptions())
