@@ -171,7 +171,9 @@ def _from_replicates(found: Sequence[tuple[Residual, Residual]], wanted: Sequenc
     if between.size > 1:
         spread = max(spread, 1.96 * float(between.std(ddof=1)) / math.sqrt(between.size))
     reference = math.sqrt(float(np.mean(np.square(fast))))
-    scale = math.sqrt(float(np.mean([r.fast**2 for r in wanted]))) / reference if reference > 0 else 1.0
+    # counts beat with the sampling, so that the fast part of an angle says nothing about its size
+    scales = reference > 0 and not wanted[0].piece.demeaned
+    scale = math.sqrt(float(np.mean([r.fast**2 for r in wanted]))) / reference if scales else 1.0
     scale = min(max(scale, 0.5), 2.0)
     rms = scale * math.sqrt(mean_square)
     least = max(LEAST_SPREAD, ONE_PAIR_SPREAD / math.sqrt(between.size))

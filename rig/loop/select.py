@@ -146,8 +146,10 @@ def _round(
             continue
         known = any(d.kind == proposal.kind for d in decisions)
         classes = {d.kind for d in decisions}
-        why = _objection(trial, known=known, room=known or len(classes) < MOST_CLASSES)
-        if not why:
+        why = _objection(trial, room=known or len(classes) < MOST_CLASSES)
+        unclear = _unpaid(trial)
+        # a strong term bends the base so far that only a joint refit can tell whether it pays
+        if not why and (not unclear or trial.share >= LARGE_SHARE):
             pick = _named(ground, trial, proposal, refined, p_value, tests)
             why = "another shape explains more"
             if pick is not None:
@@ -156,11 +158,13 @@ def _round(
                 lines = (*ground.fit.model.lines, line)
                 joint = refit(pieces, ground.fit, replace(ground.fit.model, lines=lines))
                 # what the term explains is not noise that remembers: blocks are as long as what it leaves asks for
-                again = try_line(prepare(with_noise(ground.fit, joint.noise)), chosen.kind, chosen.order)
+                again = try_line(prepare(with_noise(ground.fit, joint.noise)), chosen.kind, joint.model.lines[-1].order)
                 p_value = min(1.0, again.single_p * tests)
                 if p_value > alpha:
                     continue
-                if not consistent(joint, len(lines) - 1):
+                if unclear and not _pays_jointly(ground.fit, joint):
+                    why = unclear
+                elif not consistent(joint, len(lines) - 1):
                     why = "it does not show under every condition that should show it"
                 elif _crowded(joint, proposal.resolution):
                     why = "it cannot be told from a line that is there already"
@@ -170,21 +174,35 @@ def _round(
                 continue
         elif p_value > alpha:
             continue
+        why = why or unclear
         key = (proposal.kind.id, round(proposal.order / max(proposal.resolution, 1e-9)))
         amplitude = float(np.hypot(*trial.amplitudes))
         unadded[key] = Unadded(proposal.kind, proposal.order, amplitude, p_value, trial.share, why)
     return None
 
 
-def _objection(trial: Trial, *, known: bool, room: bool) -> str:
-    """Say why a significant line is not added; empty if it is."""
+def _objection(trial: Trial, *, room: bool) -> str:
+    """Say why a significant line is not added, whatever the other runs say; empty if it may be."""
     if not room:
         return f"more than {MOST_CLASSES} different terms"
     if trial.share < LEAST_SHARE:
         return f"it explains {100 * trial.share:.2g} % of the squares, less than {100 * LEAST_SHARE:.0f} %"
+    return ""
+
+
+def _unpaid(trial: Trial) -> str:
+    """Say that a line does not pay when runs are left out; empty if it does."""
     if trial.improved < LEAST_IMPROVED or trial.pays <= 0.0:
         return f"it improves {100 * trial.improved:.0f} % of the runs when they are left out"
     return ""
+
+
+def _pays_jointly(before: Fit, joint: Fit) -> bool:
+    """Whether a refitted line pays in leave-one-run-out, both sides weighted alike."""
+    null = with_noise(before, joint.noise)
+    without = null.normal.leave_one_out(null.prior, null.pull)
+    left = joint.normal.leave_one_out(joint.prior, joint.pull)
+    return bool(left.sum() < without.sum() and np.mean(left < without) >= LEAST_IMPROVED)
 
 
 def _crowded(joint: Fit, resolution: float) -> bool:
