@@ -245,7 +245,7 @@ def _dwell(piece: Piece) -> slice | None:
     if angle is None:
         return None
     moved = np.abs(angle - angle[0]) > QUIET_TRAVEL
-    for torque in (track.T, track.M):
+    for torque in (track.output_torque, track.motor_torque):
         if torque is not None and torque.size > 3:
             noise = 1.5 * float(np.median(np.abs(np.diff(torque))))
             moved |= np.abs(torque - torque[0]) > LOADED * max(noise, 1e-3 * float(np.abs(torque).max()))

@@ -70,8 +70,8 @@ class Evaluation:
 
     `base`: derivative (n,) by base parameter. `angle`: whether an addition to the torsion shows; `motor`, `load`:
     how additions to the motor and the output balance show. `positions`: the angles that terms may use, by signal.
-    `torque`: output torque by which an angle error acts on the motor. `settled`: no longer depends on the unknown
-    start of a play.
+    `torque`: output torque by which an angle error acts on the motor. `settled`: the law determines it,
+    whatever the start of a play was and whatever a servo does within the friction.
     """
 
     value: Floats
@@ -278,7 +278,9 @@ def _backdrive(track: Track, model: Model) -> Evaluation:
     value = path.output + additions.motor(T, track.direction) + model.value("M_0")
     base = {"T_fb": -path.side / N, "M_0": ones}
     carried = Route(np.where(path.slip >= 0, -1.0 / N, 0.0), np.maximum(path.slip, 0))
-    return Evaluation(value, base, False, Route(ones), carried, positions, T, track.direction, path.settled)
+    # While the mesh sticks any motor torque within the friction holds the shaft: there the servo decides, not the law.
+    known = path.settled & path.sliding
+    return Evaluation(value, base, False, Route(ones), carried, positions, T, track.direction, known)
 
 
 def _locked(track: Track, model: Model) -> Evaluation:

@@ -9,6 +9,12 @@ from sim_backend.model.friction import play
 
 Floats = NDArray[np.float64]
 
+NEAR_THE_WALL = 0.9
+"""Part of the radius from which on a play with a noisy input counts as sliding."""
+
+SLIDING_TRAVEL = 0.5
+"""Radii by which the output must have moved since it stuck, until what happened while it stuck is forgotten."""
+
 AT_THE_WALL = 1e-9
 """Distance from the wall, relative to the radius, at which the play counts as slipping."""
 
@@ -19,13 +25,15 @@ class PlayPath:
 
     `slip`: index of the last sample at which the play slipped, -1 before the first; an output follows a change of
     its input only through that sample. `side`: +1 where it slipped with a rising input, -1 with a falling one, 0
-    before the first. `settled`: the output no longer depends on the unknown start.
+    before the first. `settled`: the output no longer depends on the unknown start. `sliding`: it follows its input
+    and has done so for a while.
     """
 
     output: Floats
     slip: NDArray[np.intp]
     side: Floats
     settled: NDArray[np.bool_]
+    sliding: NDArray[np.bool_]
 
 
 def play_path(inputs: Floats, radius: float) -> PlayPath:
@@ -37,4 +45,10 @@ def play_path(inputs: Floats, radius: float) -> PlayPath:
     slips = np.abs(away) >= radius * (1.0 - AT_THE_WALL)
     slip = np.maximum.accumulate(np.where(slips, np.arange(inputs.size), -1))
     side = np.where(slip >= 0, np.sign(away[np.maximum(slip, 0)]), 0.0)
-    return PlayPath(output, slip, side, spread <= AT_THE_WALL * radius)
+    return PlayPath(output, slip, side, spread <= AT_THE_WALL * radius, _sliding(away, output, radius))
+
+
+def _sliding(away: Floats, output: Floats, radius: float) -> NDArray[np.bool_]:
+    at_the_wall = np.abs(away) >= NEAR_THE_WALL * radius
+    stuck = np.maximum.accumulate(np.where(at_the_wall, 0, np.arange(output.size)))
+    return at_the_wall & (np.abs(output - output[stuck]) >= SLIDING_TRAVEL * radius)
