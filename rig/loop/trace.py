@@ -116,7 +116,7 @@ def fit_base(pieces: Sequence[Piece], start: Model) -> Fit:
 
 
 def _settled(pieces: Sequence[Piece], start: Model) -> list[Piece]:
-    """Leave out samples that still depend on the unknown start of a play."""
+    """Leave out samples that the law does not determine: an unknown start of a play, a mesh that sticks."""
     kept = []
     for piece in pieces:
         settled = predict(piece, start).settled[piece.index]
