@@ -70,10 +70,13 @@ class Floor:
     replicates: bool
 
 
-def residual_of(piece: Piece, model: Model) -> Residual:
-    """Evaluate the piece where its play has settled; an angle's own constant is removed."""
+def residual_of(piece: Piece, model: Model, judge: Model | None = None) -> Residual:
+    """Evaluate the piece where the law determines it; an angle's own constant is removed.
+
+    `judge`: the model whose law decides which samples those are, so that two models are compared on the same ones.
+    """
     evaluation = predict(piece, model)
-    settled = evaluation.settled[piece.index]
+    settled = (evaluation if judge is None else predict(piece, judge)).settled[piece.index]
     keep = settled if settled.any() else np.ones(piece.index.size, dtype=bool)
     rows = piece.index[keep]
     values = piece.target[keep] - evaluation.value[rows]

@@ -4,16 +4,19 @@ from rich.table import Table
 
 from rig.loop.result import Errors, LoopResult
 
-TITLES = ("equation", "procedure", "unit", "before", "after", "floor", "floor 95 %", "largest after")
+TITLES = ("equation", "unit", "before", "after", "floor", "floor 95 %", "max after")
+
+SCALES = {"rad": ("urad", 1e6), "N*m": ("mN*m", 1e3), "A": ("mA", 1e3)}
+"""Units in which errors are printed, with what one SI unit is in them; files keep SI."""
 
 
 def table_of(result: LoopResult) -> Table:
-    """Give the held-out errors per equation and procedure as a table for the terminal."""
-    table = Table(title=headline(result), title_justify="left")
+    """Give the held-out errors per equation and procedure as a table for the terminal, at most 80 columns wide."""
+    table = Table(title="Error on held-out runs (rms)", title_justify="left", header_style="bold", box=None)
     for number, title in enumerate(TITLES):
-        table.add_column(title, justify="left" if number < 3 else "right", no_wrap=True)
+        table.add_column(title, justify="left" if number < 2 else "right", no_wrap=True)
     for row in rows_of(result):
-        table.add_row(*row)
+        table.add_row(*row, style="" if row[0].startswith(" ") else "bold")
     return table
 
 
@@ -55,22 +58,29 @@ def statements(result: LoopResult) -> list[str]:
 
 
 def rows_of(result: LoopResult) -> list[tuple[str, ...]]:
-    """Give the table's rows: an equation over all held-out runs, then its procedures."""
+    """Give the table's rows: an equation over all held-out runs, then its procedures, indented."""
     rows = []
     for name, equation in result.equations.items():
         if equation.held_out is None:
             continue
-        rows.append(_row(name, "all", equation.unit, equation.held_out))
+        rows.append(_row(name, equation.unit, equation.held_out))
         if len(equation.held_out.by_procedure) > 1:
-            rows += [_row("", p, equation.unit, errors) for p, errors in equation.held_out.by_procedure.items()]
+            rows += [_row(f"  {p}", equation.unit, errors) for p, errors in equation.held_out.by_procedure.items()]
     return rows
 
 
-def _row(name: str, procedure: str, unit: str, errors: Errors) -> tuple[str, ...]:
-    interval = "-" if errors.floor_ci95 is None else f"{errors.floor_ci95[0]:.3g} to {errors.floor_ci95[1]:.3g}"
-    floor = "-" if errors.floor is None else f"{errors.floor:.4g}"
-    after = f"{errors.rms_after:.4g}"
-    return name, procedure, unit, f"{errors.rms_before:.4g}", after, floor, interval, f"{errors.max_after:.3g}"
+def _row(name: str, unit: str, errors: Errors) -> tuple[str, ...]:
+    shown, scale = SCALES.get(unit, (unit, 1.0))
+    interval = errors.floor_ci95
+    return (
+        name,
+        shown,
+        f"{errors.rms_before * scale:.4g}",
+        f"{errors.rms_after * scale:.4g}",
+        "-" if errors.floor is None else f"{errors.floor * scale:.4g}",
+        "-" if interval is None else f"{interval[0] * scale:.3g} to {interval[1] * scale:.3g}",
+        f"{errors.max_after * scale:.3g}",
+    )
 
 
 def _short(value: object) -> str:

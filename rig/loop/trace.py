@@ -132,7 +132,7 @@ class _BeforeAfter:
 
 
 def _residuals(pieces: Sequence[Piece], before: Model, after: Model) -> list[_BeforeAfter]:
-    return [_BeforeAfter(residual_of(piece, before), residual_of(piece, after)) for piece in pieces]
+    return [_BeforeAfter(residual_of(piece, before, after), residual_of(piece, after)) for piece in pieces]
 
 
 def _equations(sides: dict[str, list[_BeforeAfter]], dut: Dut, model: Model) -> dict[str, EquationResult]:
