@@ -33,7 +33,7 @@ SHORT: Mapping[str, Mapping[str, str]] = {
     "starting-torque": {"dwell": "2", "start_angles": "1", "repeats": "1"},
     "locked-output": {"dwell": "3", "rates": "0.12", "start_angles": "6", "amplitudes": "1,0.5"},
     "backdrive": {"dwell": "3", "amplitudes": "1"},
-    "free-run": {"dwell": "3", "speeds": "26,34,100", "turns": "1"},
+    "free-run": {"dwell": "3", "speeds": "20,26,34", "turns": "1"},
 }
 """Settings that keep the demo short; a real campaign takes the defaults."""
 

@@ -3,7 +3,7 @@
     torsion        f(T - c_T) + g(M - c_M)/N + e                                               (28)
     turning        f(T - c_T) + g((T - c_T)/N + sgn(w) (T_c - T_cr) + (b - b_r) w)/N + e
     backdrive      M = play((T - c_T)/N; T_fb/N) + c_M + M_0
-    free run       M = (T - c_T)/N + sgn(w) T_c + b w + c_M + M_0
+    free run       M = (T - c_T)/N + sgn(w) T_c + b w + c_M + M_0 + J_r a (a: speed ripple, as acceleration)
     locked output  T = play(N (M - c_M); N T_fs) + c_T + T_0
     held still     M = M_0 + c_M;  motion at the output: T = sgn(w) T_co + b_o w + c_T + T_0
 
@@ -314,6 +314,11 @@ def _motor(piece: Piece, model: Model) -> Evaluation:
         sign = np.sign(track.speed)
         value = value + sign * model.value(coulomb) + track.speed * model.value(viscous)
         base[coulomb], base[viscous] = sign, track.speed
+        if track.ripple is not None and not current and np.any(track.ripple):
+            value = value + model.value("J_r") * track.ripple
+            # as long as no term stands for the disturbance, the rotor's answer to it would be taken for it
+            if any(line.kind.entry in (Entry.MOTOR, Entry.MOTOR_AGAINST_MOTION) for line in model.lines):
+                base["J_r"] = track.ripple
         if model.ratio is not None and not current:
             value = value + T / model.ratio
             load = Route(-ones / model.ratio)

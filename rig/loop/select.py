@@ -43,6 +43,8 @@ PEAKS_BY_POWER = 3
 LEAST_START_ANGLES = 4
 """Start angles without which a locked sweep cannot tell an angle error from a torque-shaped one."""
 
+NOT_EVERYWHERE = "it does not show under every condition that should show it"
+
 TWINS: dict[str, str] = {"kinematic-error": "motor-encoder-eccentricity"}
 """What looks the same at order 1 until the encoder is re-clocked."""
 
@@ -165,7 +167,7 @@ def _round(
                 if unclear and not _pays_jointly(ground.fit, joint):
                     why = unclear
                 elif not consistent(joint, len(lines) - 1):
-                    why = "it does not show under every condition that should show it"
+                    why = NOT_EVERYWHERE
                 elif _crowded(joint, proposal.resolution):
                     why = "it cannot be told from a line that is there already"
                 else:

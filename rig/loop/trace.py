@@ -3,6 +3,7 @@
 Training runs alone decide what is added, named, or withdrawn. Held-out runs are evaluated once, at the end.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -14,7 +15,7 @@ from rig.config.dut import Dut
 from rig.log.run import ProcedureName, Run
 from rig.loop.campaign import LoopOptions, split_runs
 from rig.loop.checks import check_gear, check_signs
-from rig.loop.equations import FEWEST_SAMPLES, Equation, Piece, pieces_of
+from rig.loop.equations import FEWEST_SAMPLES, Equation, Law, Piece, pieces_of
 from rig.loop.fit import Fit, fit, fit_stably, reweighted
 from rig.loop.frames import turned
 from rig.loop.metrics import Floor, Residual, errors, floor_of, pooled, residual_of
@@ -24,10 +25,13 @@ from rig.loop.open_statements import open_statements
 from rig.loop.parameters import parameter_table
 from rig.loop.report_steps import model_of, steps_of
 from rig.loop.result import EquationResult, Errors, LoopResult, View
-from rig.loop.select import Selection, select
+from rig.loop.select import NOT_EVERYWHERE, Selection, select
 from rig.loop.terms import Entry, Line, TermClass
 from rig.loop.tracks import Track, make_track, thin_track
 from rig.provenance import software_version
+
+SAME_SPEED = 1.05
+"""Ratio below which two legs have the same speed."""
 
 VIEW_POINTS = 6000
 """Samples of a residual that a plot can show."""
@@ -55,11 +59,10 @@ def trace(runs: Sequence[Run], dut: Dut, options: LoopOptions, clock: Clock | No
             expected="both positions and the ratio, or a torque or current with a position",
             hint="Check the channels in the log, and the ratio in the device file.",
         )
-    base = fit_base(pieces, start)
-    selection = select(pieces, base, options.alpha)
+    base, selection, fastest = _selected(pieces, start, options.alpha)
     final = selection.fit
     sides = {
-        side: _residuals([p for t in tracks for p in pieces_of(t, ratio)], base.model, final.model)
+        side: _residuals(_up_to([p for t in tracks for p in pieces_of(t, ratio)], fastest), base.model, final.model)
         for side, tracks in (("train", train), ("held_out", held_out))
     }
     equations = _equations(sides, dut, final.model)
@@ -72,6 +75,11 @@ def trace(runs: Sequence[Run], dut: Dut, options: LoopOptions, clock: Clock | No
     steps = steps_of(selection.decisions, final, base, dut, changes)
     entries = [decision.kind.entry for decision in selection.decisions]
     warnings = (*campaign.warnings, *_remarks([*train, *held_out], runs, ratio, dut), *_unadded(selection))
+    if math.isfinite(fastest):
+        text = (
+            f"Motor torque of legs faster than {fastest:.4g} rad/s left out: the drive does not follow the lines there."
+        )
+        warnings = (*warnings, text)
     return LoopResult(
         train=tuple(run.name for run in campaign.train),
         held_out=tuple(run.name for run in campaign.held_out),
@@ -113,6 +121,45 @@ def fit_base(pieces: Sequence[Piece], start: Model) -> Fit:
     """Fit the base model, with the weights that its own residual calls for."""
     rough = reweighted(fit(pieces, start, {}, passes=0))
     return fit_stably(pieces, start, rough.noise, rough.block)
+
+
+def _selected(pieces: Sequence[Piece], start: Model, alpha: float) -> tuple[Fit, Selection, float]:
+    """Fit and select; give the base fit, the selection, and the fastest leg (rad/s) whose torque was used.
+
+    A torque line that shows at slow legs and not at fast ones is one that the drive does not follow there: it stands
+    in the speed, not in the torque. The torque of the fastest legs is then left out, as far as it takes.
+    """
+    base = fit_base(pieces, start)
+    first = select(pieces, base, alpha)
+    found, fastest = (base, first), math.inf
+    speeds = sorted({abs(float(v)) for p in pieces if _runs_free(p) for v in np.unique(p.track.speed[p.index])})
+    slower = [v for v in speeds if v < speeds[-1] / SAME_SPEED]
+    while slower and any(item.why == NOT_EVERYWHERE and not item.kind.entry.is_angle for item in found[1].unadded):
+        limit = SAME_SPEED * slower.pop()
+        slower = [v for v in slower if v < limit / SAME_SPEED**2]
+        fewer = _up_to(pieces, limit)
+        base = fit_base(fewer, start)
+        found = (base, select(fewer, base, alpha))
+        if len(found[1].decisions) > len(first.decisions):
+            return found[0], found[1], limit
+    return (found[0], found[1], fastest) if found[1] is first else (fit_base(pieces, start), first, fastest)
+
+
+def _runs_free(piece: Piece) -> bool:
+    return piece.law is Law.FREE_RUN and piece.equation is not Equation.TORSION
+
+
+def _up_to(pieces: Sequence[Piece], fastest: float) -> list[Piece]:
+    """Leave out the torque of legs faster than `fastest` (rad/s at the motor)."""
+    kept = []
+    for piece in pieces:
+        if not _runs_free(piece) or not math.isfinite(fastest):
+            kept.append(piece)
+            continue
+        slow = np.abs(piece.track.speed[piece.index]) <= fastest
+        if slow.sum() >= FEWEST_SAMPLES:
+            kept.append(replace(piece, index=piece.index[slow], target=piece.target[slow]))
+    return kept
 
 
 def _settled(pieces: Sequence[Piece], start: Model) -> list[Piece]:

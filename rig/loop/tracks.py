@@ -15,6 +15,7 @@ from scipy.ndimage import uniform_filter1d
 
 from rig.config.dut import Dut, Rotation
 from rig.log.run import ProcedureName, Run
+from rig.loop.ripple import speed_ripple
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -60,8 +61,8 @@ class Track:
 
     `motor_position`, `output_position` rad; `T` and `M`: output and motor torque (N*m) as inputs of the springs,
     smoothed; `play_load`, `play_drive` as inputs of a play, smoothed more; `output_torque`, `motor_torque` as recorded,
-    `motor_current` (A) where it cannot be
-    turned into a torque. `speed`: rad/s of the leg at the motor (at the output if only that is known), 0 outside legs.
+    `motor_current` (A) where it cannot be turned into a torque. `ripple`: acceleration (rad/s^2) of the
+    speed ripple of a free run. `speed`: rad/s of the leg at the motor (at the output if only that is known), 0 outside legs.
     `direction`: sign of the smoothed speed. `usable`: neither missing nor saturated; `steady`: inside a leg.
     `moves`: the run turns, so that its measured angle is far larger than any torsion.
     """
@@ -80,6 +81,7 @@ class Track:
     output_torque: Floats | None
     motor_torque: Floats | None
     motor_current: Floats | None
+    ripple: Floats | None
     speed: Floats
     direction: Floats
     usable: Flags
@@ -143,6 +145,7 @@ def make_track(run: Run, dut: Dut) -> Track:
         output_torque=output_torque,
         motor_torque=motor_torque,
         motor_current=current,
+        ripple=_ripple(run, motor_position, motor_torque, leg_speed),
         speed=leg_speed,
         direction=np.sign(speed),
         usable=usable,
@@ -205,11 +208,18 @@ def pick_rows(track: Track, rows: NDArray[np.intp]) -> Track:
         output_torque=pick(track.output_torque),
         motor_torque=pick(track.motor_torque),
         motor_current=pick(track.motor_current),
+        ripple=None if track.ripple is None else track.ripple[rows],
         speed=track.speed[rows],
         direction=track.direction[rows],
         usable=track.usable[rows],
         steady=track.steady[rows],
     )
+
+
+def _ripple(run: Run, position: Floats | None, torque: Floats | None, leg_speed: Floats) -> Floats | None:
+    if run.procedure is not ProcedureName.FREE_RUN or position is None or torque is None:
+        return None
+    return speed_ripple(run.time, position, torque, leg_speed)
 
 
 def _smooth(values: Floats | None, side: int) -> Floats | None:
