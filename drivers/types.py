@@ -42,16 +42,14 @@ class Axis(StrEnum):
     LOAD = "load"
 
 
-@dataclass(frozen=True, slots=True)
-class Setpoint:
-    """What one axis is asked for: N*m, rad/s or rad at its own shaft, according to `mode`."""
+class Setpoint(NamedTuple):
+    """What one axis is asked for: N*m, rad/s or rad at its own shaft, according to `mode`.
+
+    Whoever hands it on refuses a value that is not a finite number: the limit check and the drive, by a LimitError.
+    """
 
     mode: Mode
     value: float
-
-    def __post_init__(self) -> None:
-        if not math.isfinite(self.value):
-            raise ValueError(f"setpoint {self.value} in mode {self.mode} is not a finite number")
 
 
 class DriveReading(NamedTuple):

@@ -1,8 +1,9 @@
 """The limit check of every cycle: setpoints before they are sent, samples as they come in."""
 
 import math
+import sys
 from collections import deque
-from operator import attrgetter
+from operator import itemgetter
 
 from drivers.errors import LimitError
 from drivers.signals import BY_NAME
@@ -14,7 +15,12 @@ SPEED_WINDOW = 10
 WATCHED = ("motor_torque", "output_torque", "load_torque", "temperature", "motor_temperature")
 """Signals bounded by magnitude as they are; speed and travel are derived from the positions."""
 
-_watched_values = attrgetter(*WATCHED)
+_watched_values = itemgetter(*map(Sample._fields.index, WATCHED))
+
+_FINITE = sys.float_info.max
+"""Bound of a setpoint without a limit of its own: it must be a number and finite."""
+
+_UNITS = {Mode.TORQUE: "N*m", Mode.VELOCITY: "rad/s", Mode.POSITION: "rad"}
 
 HINT = "Check the set-up and the procedure's parameters before raising the limit in the bench file."
 
@@ -25,23 +31,30 @@ class LimitWatch:
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
         self._travel_bounded = math.isfinite(limits.motor_travel) or math.isfinite(limits.output_travel)
-        self._bounds = tuple(
-            zip(
-                WATCHED,
-                (
-                    limits.motor_torque,
-                    limits.output_torque,
-                    limits.load_torque,
-                    limits.temperature,
-                    limits.temperature,
-                ),
-                strict=True,
-            )
+        self._bounds = (
+            limits.motor_torque,
+            limits.output_torque,
+            limits.load_torque,
+            limits.temperature,
+            limits.temperature,
         )
+        self._setpoint_bounds = {(axis, mode): _FINITE for axis in Axis for mode in Mode} | {
+            (Axis.MOTOR, Mode.TORQUE): min(limits.motor_torque, _FINITE),
+            (Axis.MOTOR, Mode.VELOCITY): min(limits.motor_velocity, _FINITE),
+            (Axis.LOAD, Mode.TORQUE): min(limits.load_torque, _FINITE),
+        }
+        self._largest = [-1.0] * len(WATCHED)
+        self._fastest = -1.0
+        self._beyond = False
         self._start: Sample | None = None
         self._positions: deque[tuple[float, float]] = deque(maxlen=SPEED_WINDOW + 1)
         self._speed = 0.0
-        self.extremes: dict[str, float] = {}
+
+    @property
+    def extremes(self) -> dict[str, float]:
+        """Largest magnitude of each signal seen so far, in its SI unit."""
+        largest = [*zip(WATCHED, self._largest, strict=True), ("motor_velocity", self._fastest)]
+        return {name: value for name, value in largest if value >= 0.0}
 
     def start_travel(self) -> None:
         """Count the travel from the next sample on: locking or releasing the output starts a new position."""
@@ -50,40 +63,38 @@ class LimitWatch:
         self._speed = 0.0
 
     def check_setpoint(self, axis: Axis, setpoint: Setpoint, cycle: int) -> None:
-        """Raise LimitError if the setpoint is above a limit."""
-        mode = setpoint.mode
-        if mode is Mode.TORQUE:
-            bound = self._limits.motor_torque if axis is Axis.MOTOR else self._limits.load_torque
-        elif mode is Mode.VELOCITY and axis is Axis.MOTOR:
-            bound = self._limits.motor_velocity
-        else:
-            return
-        if abs(setpoint.value) > bound:
-            signal, unit = f"{axis}_{mode}_command", "N*m" if mode is Mode.TORQUE else "rad/s"
-            raise LimitError(signal, setpoint.value, bound, unit, cycle=cycle, hint="The setpoint was not sent.")
+        """Raise LimitError if the setpoint is above a limit, or not a finite number."""
+        mode, value = setpoint
+        bound = self._setpoint_bounds[axis, mode]
+        if not -bound <= value <= bound:  # said so that it holds for what is not a number, too
+            signal = f"{axis}_{mode}_command"
+            raise LimitError(signal, value, bound, _UNITS[mode], cycle=cycle, hint="The setpoint was not sent.")
 
     def observe(self, sample: Sample) -> None:
         """Take one sample in: extremes, recent positions, start of the travel."""
         if self._start is None:
             self._start = sample
-        extremes = self.extremes
-        for name, value in zip(WATCHED, _watched_values(sample), strict=True):
-            if value is not None and abs(value) > extremes.get(name, -1.0):
-                extremes[name] = abs(value)
-        if sample.motor_position is not None:
-            positions = self._positions
-            positions.append((sample.time, sample.motor_position))
+        largest = self._largest
+        for place, value in enumerate(_watched_values(sample)):
+            if value is not None and (magnitude := abs(value)) > largest[place]:
+                largest[place] = magnitude
+                if magnitude > self._bounds[place]:
+                    self._beyond = True
+        position = sample.motor_position
+        if position is not None:
+            positions, time = self._positions, sample.time
+            positions.append((time, position))
             if len(positions) > SPEED_WINDOW:
-                (t0, p0), (t1, p1) = positions[0], positions[-1]
-                self._speed = (p1 - p0) / (t1 - t0) if t1 > t0 else 0.0
-                if abs(self._speed) > extremes.get("motor_velocity", -1.0):
-                    extremes["motor_velocity"] = abs(self._speed)
+                before, start = positions[0]
+                self._speed = (position - start) / (time - before) if time > before else 0.0
+                self._fastest = max(self._fastest, abs(self._speed))
 
     def check(self, sample: Sample) -> None:
-        """Raise LimitError for the first limit that this sample breaks."""
-        for value, (name, bound) in zip(_watched_values(sample), self._bounds, strict=True):
-            if value is not None and abs(value) > bound:
-                raise _reached(name, value, bound, sample.cycle)
+        """Raise LimitError for the first limit that this sample, the latest one observed, breaks."""
+        if self._beyond:  # as long as no maximum is above its limit, no sample is
+            for name, value, bound in zip(WATCHED, _watched_values(sample), self._bounds, strict=True):
+                if value is not None and abs(value) > bound:
+                    raise _reached(name, value, bound, sample.cycle)
         if abs(self._speed) > self._limits.motor_velocity:
             raise _reached("motor_velocity", self._speed, self._limits.motor_velocity, sample.cycle)
         if self._start is not None and self._travel_bounded:

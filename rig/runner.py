@@ -235,10 +235,10 @@ class _Execution:
 
     def _command(self, command: Command) -> None:
         for axis, setpoint in ((Axis.MOTOR, command.motor), (Axis.LOAD, command.load)):
-            if setpoint is None and self._bench.mode(axis) is None:
-                continue
             if setpoint is not None:
                 self.watch.check_setpoint(axis, setpoint, self.index)
+            elif self._bench.mode(axis) is None:
+                continue
             if self._bench.apply(axis, setpoint):
                 self.say("drive", f"{axis}: {setpoint.mode if setpoint is not None else 'released'}")
                 self._reschedule()

@@ -4,8 +4,10 @@ The physics is in `model`; this class holds the state, takes commands, and adds 
 """
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from functools import partial
+from operator import itemgetter
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -20,19 +22,19 @@ from sim_backend.ports import AxisMode, PlantReading
 _NOISE_BLOCK = 1024
 """Readings whose noise is drawn at once."""
 
-_READ = np.array(
-    [
-        stepper.MOTOR_POSITION,
-        stepper.MOTOR_VELOCITY,
-        stepper.MOTOR_TORQUE,
-        stepper.OUTPUT_POSITION,
-        stepper.OUTPUT_VELOCITY,
-        stepper.LOAD_TORQUE,
-        stepper.OUTPUT_POSITION,
-        stepper.OUTPUT_TORQUE,
-    ]
+_seen = itemgetter(
+    stepper.MOTOR_POSITION,
+    stepper.MOTOR_VELOCITY,
+    stepper.MOTOR_TORQUE,
+    stepper.OUTPUT_POSITION,
+    stepper.OUTPUT_VELOCITY,
+    stepper.LOAD_TORQUE,
+    stepper.OUTPUT_TORQUE,
 )
-"""What the instruments see, in the order of PlantReading; the load drive sits on the output shaft."""
+"""What the instruments see of the state; the load drive sits on the output shaft, so it sees the output's angle."""
+
+_new_reading = partial(tuple.__new__, PlantReading)
+"""Make a reading of a tuple in half the time of `PlantReading(...)`: there is one in every tick."""
 
 _AXES = {
     "motor": (stepper.MOTOR_MODE, stepper.MOTOR_TARGET, stepper.MOTOR_LIMIT, stepper.MOTOR_LIMITED),
@@ -86,8 +88,11 @@ class Plant:
         self._inputs[stepper.TEMPERATURE] = config.temperature
         self._inputs[stepper.MOTOR_TEMPERATURE] = config.motor_temperature
         self._random = np.random.default_rng(seed)
-        self._noise = np.empty((0, len(_READ)))
-        self._reads = 0
+        # single numbers go in and out of a memoryview in half the time that an array takes
+        self._state_view = cast("memoryview[float]", self._state.data)
+        self._inputs_view = cast("memoryview[float]", self._inputs.data)
+        self._noise: Iterator[list[float]] = iter(())
+        self._step = config.step
         self._steps = 0
         self._reading: PlantReading | None = None
         self._start_at_rest()
@@ -104,7 +109,7 @@ class Plant:
 
     def advance_to(self, time: float) -> None:
         """Integrate up to the step nearest to `time` (s). Raises ModelError if that lies in the past."""
-        steps = round(time / self.config.step) - self._steps
+        steps = round(time / self._step) - self._steps
         if steps < 0:
             raise ModelError(f"time = {time!r} s is in the past: the plant stands at {self.time!r} s.")
         if steps == 0:
@@ -121,8 +126,8 @@ class Plant:
         mode_place, target_place, _, _ = _places(axis)
         if not math.isfinite(target):
             raise ModelError(f"{axis}: target = {target!r} in mode {mode.name} is not a finite number.")
-        self._inputs[mode_place] = mode
-        self._inputs[target_place] = target
+        self._inputs_view[mode_place] = mode
+        self._inputs_view[target_place] = target
 
     def set_torque_limit(self, axis: str, limit: float) -> None:
         """Bound the torque (N*m, magnitude) which the drive of `axis` can produce."""
@@ -134,8 +139,9 @@ class Plant:
     def torque_limited(self, axis: str) -> bool:
         """Tell whether that bound acted since the last call."""
         place = _places(axis)[3]
-        acted = bool(self._state[place])
-        self._state[place] = 0.0
+        acted = self._state_view[place] != 0.0
+        if acted:
+            self._state_view[place] = 0.0
         return acted
 
     def set_lock(self, locked: bool) -> None:
@@ -155,11 +161,27 @@ class Plant:
         `output_torque` is the transducer between the output flange and what is outside: load drive and fixture.
         """
         if self._reading is None:
-            if self._reads == len(self._noise):
-                self._draw_noise()
-            values = (self._state[_READ] + self._noise[self._reads]).tolist()
-            self._reads += 1
-            self._reading = PlantReading._make((*values, self.config.temperature, self.config.motor_temperature))
+            angle, velocity, torque, output_angle, output_velocity, load, outside = _seen(self._state_view)
+            noise = next(self._noise, None)
+            if noise is None:
+                self._noise = self._draw_noise()
+                noise = next(self._noise)
+            n_angle, n_velocity, n_torque, n_output_angle, n_output_velocity, n_load, n_outside = noise
+            output_angle += n_output_angle  # the noise of the one encoder that both output angles come from
+            self._reading = _new_reading(
+                (
+                    angle + n_angle,
+                    velocity + n_velocity,
+                    torque + n_torque,
+                    output_angle,
+                    output_velocity + n_output_velocity,
+                    load + n_load,
+                    output_angle,
+                    outside + n_outside,
+                    self.config.temperature,
+                    self.config.motor_temperature,
+                )
+            )
         return self._reading
 
     def truth(self) -> PlantTruth:
@@ -183,8 +205,8 @@ class Plant:
             stored=self._stored_energy(),
         )
 
-    def _draw_noise(self) -> None:
-        """Draw the noise of the next readings; both output angles are one encoder."""
+    def _draw_noise(self) -> Iterator[list[float]]:
+        """Draw the noise of the next readings, in the order of `_seen`."""
         c = self.config
         drawn = self._random.standard_normal((_NOISE_BLOCK, 7))
         drawn *= (
@@ -196,8 +218,7 @@ class Plant:
             c.load_torque_noise,
             c.output_torque_noise,
         )
-        self._noise = drawn[:, [0, 1, 2, 3, 4, 5, 3, 6]]
-        self._reads = 0
+        return iter(drawn.tolist())
 
     def _start_at_rest(self) -> None:
         """Put the output where the transmission error leaves no torque, and take up what the effects do there."""

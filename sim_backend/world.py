@@ -33,6 +33,7 @@ class World:
             raise ModelError(f"node ids {[node.node_id for node in nodes]} of the simulated devices must differ")
         self.plant = plant
         self.tick = tick
+        self._snap = _SNAP * tick
         self.time = 0.0
         self._ticks = 0
         self._scheduled: list[tuple[float, int, Callable[[], None]]] = []
@@ -57,7 +58,7 @@ class World:
     def step_towards(self, deadline: float) -> None:
         """Advance to the next tick, or to `deadline` (s) if that comes first."""
         next_tick = (self._ticks + 1) * self.tick
-        if deadline < next_tick - _SNAP * self.tick:
+        if deadline < next_tick - self._snap:
             if deadline > self.time:
                 self.plant.advance_to(deadline)
                 self.time = deadline
@@ -65,7 +66,7 @@ class World:
         self._ticks += 1
         self.plant.advance_to(next_tick)
         # a deadline that misses the tick by rounding is reached with it
-        self.time = max(next_tick, deadline) if deadline - next_tick < _SNAP * self.tick else next_tick
+        self.time = deadline if next_tick < deadline < next_tick + self._snap else next_tick
         self._tick_nodes()
 
     def schedule(self, time: float, action: Callable[[], None]) -> None:
@@ -84,9 +85,11 @@ class World:
 
     def _tick_nodes(self) -> None:
         time = self.time
-        while self._scheduled and self._scheduled[0][0] <= time + _SNAP * self.tick:
+        while self._scheduled and self._scheduled[0][0] <= time + self._snap:
             heapq.heappop(self._scheduled)[2]()
         self.bus.release()
         for node_id, node in self._nodes.items():
-            for frame in node.tick(time):
-                self.bus.transmit(node_id, frame)
+            node.time = time
+            if time >= node.due:
+                for frame in node.tick(time):
+                    self.bus.transmit(node_id, frame)

@@ -87,7 +87,10 @@ class CanopenBus:
         self._heartbeat = BenchHeartbeat(self._link, options[first.name].master_id, watchdog_time)
         self._sync = can.Message(arbitration_id=0x080, is_extended_id=False)
         self._devices: dict[str, CanopenDevice] = {}
+        self._parts: tuple[tuple[CanopenDevice, CanopenNode], ...] = ()
         self._drives: list[Cia402Drive] = []
+        self._look_again = 0.0
+        """Instant (s) before which no heartbeat can be missing."""
         self._events: list[DeviceEvent] = []
         self._error_frames = 0
 
@@ -100,6 +103,8 @@ class CanopenBus:
         node = CanopenNode(config, self._link, self._clock, self._events.append, options.sdo_timeout)
         device = self._make(config, options, node)
         self._devices[config.name] = device
+        self._parts = (*self._parts, (device, node))
+        self._look_again = 0.0
         if isinstance(device, Cia402Drive):
             self._drives.append(device)
         return device
@@ -116,9 +121,9 @@ class CanopenBus:
         link, now = self._link, self._clock.now()
         link.drain()
         awaited = 0
-        for device in self._devices.values():
+        for device, node in self._parts:
             device.age += 1
-            awaited += device.node.watched
+            awaited += node.watched
         self._heartbeat.beat(now)
         for drive in self._drives:
             if drive.queued is not None:
@@ -127,12 +132,12 @@ class CanopenBus:
         link.send_message(self._sync)
         link.collect(awaited, self._window)
         for drive in self._drives:
-            drive.check()
+            if drive.armed:
+                drive.check()
+        if now > self._look_again:
+            self._look_again = min(node.check_alive(now) for _, node in self._parts)
         noted = link.error_frames != self._error_frames
-        for device in self._devices.values():
-            node = device.node
-            if node.watched:
-                node.check_alive(now)
+        for _, node in self._parts:
             if node.incidents or node.failures:
                 noted = True
         if noted:
@@ -140,6 +145,8 @@ class CanopenBus:
 
     def events(self) -> Sequence[DeviceEvent]:
         """Give what the devices reported by themselves since the last call."""
+        if not self._events:
+            return ()
         events = tuple(self._events)
         self._events.clear()
         return events

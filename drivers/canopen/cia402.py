@@ -78,7 +78,7 @@ _TO_ENABLED = {
 
 def decode_state(status_word: int) -> DriveState:
     """Give the state of a status word (U16). Raises ValueError if its bits are no state of CiA 402."""
-    state = _DECODED[status_word & STATE_MASK]
+    state = STATE_OF[status_word & STATE_MASK]
     if state is None:
         raise ValueError(f"status word 0x{status_word:04X} is no state of CiA 402")
     return state
@@ -97,7 +97,7 @@ def step_to_enabled(state: DriveState) -> Step | None:
 
 def describe_status(status_word: int) -> str:
     """Say in words what a status word (U16) tells, for messages."""
-    state = _DECODED[status_word & STATE_MASK]
+    state = STATE_OF[status_word & STATE_MASK]
     bits = [text for bit, text in _BITS.items() if status_word >> bit & 1]
     notes = bits if bits else ["no further bit set"]
     if not status_word >> 9 & 1:
@@ -118,4 +118,5 @@ def _decoded() -> tuple[DriveState | None, ...]:
     return tuple(find(bits) for bits in range(STATE_MASK + 1))
 
 
-_DECODED = _decoded()
+STATE_OF = _decoded()
+"""State by `status_word & STATE_MASK`; None where the bits are no state of CiA 402."""

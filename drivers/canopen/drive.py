@@ -8,7 +8,6 @@ watchdog time an event says so.
 
 import math
 import struct
-from collections.abc import Callable
 
 import can
 
@@ -45,6 +44,7 @@ SETPOINTS = {
     Mode.VELOCITY: Pdo(Direction.RPDO, 3, (CONTROL_WORD, TARGET_VELOCITY)),
 }
 
+_ENABLE = cia402.ENABLE_OPERATION
 _HALF, _MASK = 1 << 31, 0xFFFFFFFF
 _UNITS_OF_MODE = {Mode.TORQUE: "N*m", Mode.VELOCITY: "rad/s", Mode.POSITION: "rad"}
 _LAYOUTS = {mode: layout(pdo.objects) for mode, pdo in SETPOINTS.items()}
@@ -84,8 +84,9 @@ class Cia402Drive:
         self._no_watchdog = ""
         self._mode: Mode | None = None
         self._scale = 1.0
-        self._pack_setpoint: Callable[[int, int], bytes] = _LAYOUTS[Mode.TORQUE].pack
-        self._setpoint_id = 0
+        self._pack_setpoint = _LAYOUTS[Mode.TORQUE].pack_into
+        # one message per mode, filled anew for each cycle: an adapter takes its bytes in `send`
+        self._setpoint = can.Message()
         self._last_setpoint: float | None = None
         self._units = _UNKNOWN_UNITS
         self._unpack = _FEEDBACK_LAYOUT.unpack
@@ -161,8 +162,9 @@ class Cia402Drive:
             self._back_off(error)
             raise
         self._scale = self._units.scale(mode)
-        self._pack_setpoint = _LAYOUTS[mode].pack
-        self._setpoint_id = SETPOINTS[mode].can_id(self.node.node_id)
+        setpoint, data = SETPOINTS[mode], bytes(_LAYOUTS[mode].size)
+        self._pack_setpoint = _LAYOUTS[mode].pack_into
+        self._setpoint = can.Message(arbitration_id=setpoint.can_id(self.node.node_id), data=data, is_extended_id=False)
         self._mode, self._last_setpoint, self.armed = mode, None, True
         self._report_if_slow(self._clock.now() - begin)
 
@@ -179,23 +181,24 @@ class Cia402Drive:
                 state=self._state_name(),
                 hint="Enable the drive first.",
             )
+        frame = self._setpoint
         try:
             raw = round(value / self._scale)
             if mode is Mode.POSITION:
                 raw = ((raw + _HALF) & _MASK) - _HALF
-            data = self._pack_setpoint(cia402.ENABLE_OPERATION, raw)
+            self._pack_setpoint(frame.data, 0, _ENABLE, raw)
         except (struct.error, ValueError, OverflowError) as error:
             raise self._too_large(mode, value) from error
-        self.queued = can.Message(0.0, self._setpoint_id, False, data=data)
+        self.queued = frame
         self._last_setpoint = value
 
     def read(self) -> DriveReading:
         """Give position (rad), torque (N*m) and state of the last SYNC. Raises DriveFaultError on a bad status word."""
         word = self._status
-        try:
-            state = cia402.decode_state(word)
-        except ValueError as error:
-            raise DriveFaultError(self.name, f"reports an impossible state: {error}") from error
+        state = cia402.STATE_OF[word & cia402.STATE_MASK]
+        if state is None:
+            described = cia402.describe_status(word)
+            raise DriveFaultError(self.name, f"reports an impossible state: {described}")
         units = self._units
         return DriveReading(
             self._counts * units.position,

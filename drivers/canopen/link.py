@@ -48,19 +48,23 @@ class Link:
 
     def pump(self, timeout: float) -> bool:
         """Route one frame, waiting for it up to `timeout` (s). False if none came. Raises NotConnectedError."""
-        message = self._receive(timeout)
+        try:
+            message = self._transport.recv(timeout)
+        except (can.CanError, OSError) as error:
+            raise self._lost("receiving", error) from error
         if message is None:
             return False
-        self._dispatch(message)
+        if message.is_extended_id or message.is_remote_frame or message.is_error_frame:
+            self.error_frames += message.is_error_frame
+        elif (handler := self._handlers.get(message.arbitration_id)) is not None:
+            handler(message.data)
         return True
 
     def drain(self) -> None:
         """Route everything that has already arrived. Raises NotConnectedError, also if that never ends."""
         for _ in range(MOST_WAITING):
-            message = self._receive(0.0)
-            if message is None:
+            if not self.pump(0.0):
                 return
-            self._dispatch(message)
         raise self._lost("receiving", OverflowError(f"more than {MOST_WAITING} frames were waiting"))
 
     def wait(self, duration: float) -> None:
@@ -71,27 +75,28 @@ class Link:
 
     def collect(self, count: int, window: float) -> None:
         """Route frames until `count` awaited ones have come or `window` (s) has passed. Raises NotConnectedError."""
-        now, dispatch = self._clock.now, self._dispatch
+        if count <= 0:
+            return
+        now, recv, handlers = self._clock.now, self._transport.recv, self._handlers
         deadline = now() + window
-        while count > 0:
-            message = self._receive(max(0.0, deadline - now()))
+        remaining = window
+        # this loop sees every frame of a run, so it does by itself what `pump` does by calls
+        while True:
+            try:
+                message = recv(remaining if remaining > 0.0 else 0.0)
+            except (can.CanError, OSError) as error:
+                raise self._lost("receiving", error) from error
             if message is None:
                 return
-            if dispatch(message):
-                count -= 1
-
-    def _receive(self, timeout: float) -> can.Message | None:
-        try:
-            return self._transport.recv(timeout)
-        except (can.CanError, OSError) as error:
-            raise self._lost("receiving", error) from error
-
-    def _dispatch(self, message: can.Message) -> bool:
-        if message.is_extended_id or message.is_remote_frame or message.is_error_frame:
-            self.error_frames += message.is_error_frame
-            return False
-        handler = self._handlers.get(message.arbitration_id)
-        return handler is not None and handler(message.data)
+            if message.is_extended_id or message.is_remote_frame or message.is_error_frame:
+                self.error_frames += message.is_error_frame
+            else:
+                handler = handlers.get(message.arbitration_id)
+                if handler is not None and handler(message.data):
+                    count -= 1
+                    if not count:
+                        return
+            remaining = deadline - now()
 
     def _lost(self, doing: str, error: Exception) -> NotConnectedError:
         return NotConnectedError(

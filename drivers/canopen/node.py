@@ -186,15 +186,18 @@ class CanopenNode:
         """Send an NMT command to this node."""
         self._link.send(0x000, bytes((command, self.node_id)))
 
-    def check_alive(self, now: float) -> None:
-        """Note a failure, once, if the heartbeats have stopped. `now` in s."""
-        silent = now - self.last_heard
-        if silent <= LOST_AFTER * self.heartbeat_period or self._lost:
-            return
+    def check_alive(self, now: float) -> float:
+        """Note a failure, once, if the heartbeats have stopped; give when (s) to look again. `now` in s."""
+        silent, allowed = now - self.last_heard, LOST_AFTER * self.heartbeat_period
+        if not self.watched or self._lost:
+            return now + allowed  # nothing can be lost within this time, even if watching begins at once
+        if silent <= allowed:
+            return self.last_heard + allowed
         self._lost = True
         text = f"{self.where}: no heartbeat for {silent * 1e3:.3g} ms; its period is {self.heartbeat_period * 1e3:g} ms"
         self.report(f"heartbeat lost: {text}")
         self.failures.append(NotConnectedError({self.name: text}))
+        return now + allowed
 
     def report(self, text: str, emergency: Emergency | None = None) -> None:
         """Add an event to what the bus hands out."""

@@ -8,7 +8,7 @@ message, packed by `struct` in one call. File format: MCAP specification, https:
 import errno
 import struct
 from collections.abc import Collection, Mapping, Sequence
-from operator import attrgetter
+from operator import itemgetter
 from pathlib import Path
 from typing import BinaryIO, Final
 
@@ -41,6 +41,8 @@ CHUNK_TIME = 0.05
 
 MAX_CHUNK_BYTES = 256 * 1024
 """Upper bound of a chunk, for cycles so fast that 50 ms would be long to read back."""
+
+_AUXILIARY, _TIME = Sample._fields.index("auxiliary"), Sample._fields.index("time")
 
 PROFILE = "rig"
 LIBRARY = "harmonic-rig"
@@ -213,10 +215,11 @@ class _Layout:
         table = [name for name in present if not chosen[name].auxiliary]
         absent = [item.signal for item in fields if not item.auxiliary and item.signal not in present]
         self._auxiliary = tuple(name for name in present if chosen[name].auxiliary)
-        # attrgetter of a single name would give the bare value: the leading two keep the result a tuple
-        self._values = attrgetter("auxiliary", "time", *table)
-        self._others = attrgetter("auxiliary", "time", *absent)
-        self._none = (None,) * len(absent)
+        # by place in the tuple, which is faster than by name; two leading places, since of one name or none an
+        # itemgetter would not give a tuple
+        self._values = itemgetter(_AUXILIARY, _TIME, *map(Sample._fields.index, table))
+        self._others = itemgetter(_TIME, _TIME, *map(Sample._fields.index, absent))
+        self._none = [None] * len(absent)
         tags = [_tag(chosen[name]) for name in present]
         body = "".join(f"{len(tag)}s{chosen[name].code}" for name, tag in zip(present, tags, strict=True))
         self._struct = struct.Struct(MESSAGE_HEAD + body)
@@ -227,7 +230,8 @@ class _Layout:
 
     def pack(self, sample: Sample, sequence: int, log_time: int) -> bytes | None:
         """Give the message record (log time in ns), or None if the sample carries other signals."""
-        if self._others(sample)[2:] != self._none:
+        _, _, *others = self._others(sample)
+        if others != self._none:
             return None
         auxiliary, _, *values = self._values(sample)
         if auxiliary or self._auxiliary:

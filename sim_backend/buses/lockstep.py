@@ -8,7 +8,7 @@ thread (can.Notifier) would let simulated time run away from whoever sends.
 
 import heapq
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import can
@@ -34,6 +34,9 @@ def frame_bits(size: int) -> int:
     stuffable = 34 + 8 * size
     return stuffable + (stuffable - 1) // 4 + 13
 
+
+Listener = tuple[int, Callable[[float, int, bytes], Sequence[Frame]]]
+"""Node id and `on_frame` of a device."""
 
 _BITS = tuple(frame_bits(size) for size in range(9))
 
@@ -74,7 +77,7 @@ class LockstepBus(can.BusABC):
         self.channel_info = "simulated bench, lock-step"
         self._world = world
         self._nodes = tuple(nodes)
-        self._routes: dict[int, tuple[Node, ...]] = {}
+        self._routes: dict[int, tuple[Listener, ...]] = {}
         for node in self._nodes:
             node.accepts_changed = self._routes.clear
         self._received: deque[can.Message] = deque()
@@ -127,16 +130,15 @@ class LockstepBus(can.BusABC):
         work = [(sender, frame)]
         # the list grows while it is walked: answers to answers follow in the order in which they were given
         for origin, sent in work:
-            if len(work) > CASCADE_LIMIT:
-                raise can.CanOperationError(f"bus overload: more than {CASCADE_LIMIT} frames at one instant")
             for can_id, data in self._disturb(origin, sent) if self._hooks and not disturbed else (sent,):
                 self.bits += _BITS[len(data)]
                 if origin != MASTER:
                     self._received.append(_message(time, can_id, data))
-                for node in routes[can_id] if can_id in routes else self._route(can_id):
-                    if node.node_id != origin:
-                        for answer in node.on_frame(time, can_id, data):
-                            work.append((node.node_id, answer))
+                for node_id, on_frame in routes[can_id] if can_id in routes else self._route(can_id):
+                    if node_id != origin and (answers := on_frame(time, can_id, data)):
+                        work += [(node_id, answer) for answer in answers]
+                        if len(work) > CASCADE_LIMIT:
+                            raise can.CanOperationError(f"bus overload: over {CASCADE_LIMIT} frames at one instant")
             disturbed = False
 
     def release(self) -> None:
@@ -186,7 +188,7 @@ class LockstepBus(can.BusABC):
                 heapq.heappush(self._delayed, (due, self._delay_count, sender, delivery.frame))
         return [delivery.frame for delivery in travelling if not delivery.delay > 0]
 
-    def _route(self, can_id: int) -> tuple[Node, ...]:
-        listeners = tuple(node for node in self._nodes if can_id in node.accepts)
+    def _route(self, can_id: int) -> tuple[Listener, ...]:
+        listeners = tuple((node.node_id, node.on_frame) for node in self._nodes if can_id in node.accepts)
         self._routes[can_id] = listeners
         return listeners

@@ -77,6 +77,10 @@ class Device(Protocol):
     def device_type(self) -> DeviceType:
         """What it is, with its table of objects."""
 
+    @property
+    def moves(self) -> bool:
+        """Whether it has a state that moves with time, so that `tick` must be called at every tick."""
+
     def attach(self, node: "CanopenNode") -> None:
         """Bind to the node's dictionary and emergency producer; called once."""
 
@@ -109,7 +113,8 @@ class CanopenNode:
         self.accepts: dict[int, Callable[[bytes], None]] = {}
         self.accepts_changed: Callable[[], None] = _nobody_listens
         self._boot_due = 0.0
-        self._due = 0.0
+        self._deadline = 0.0
+        self.due = 0.0
         self._sdo = SdoServer(self.dictionary)
         self._producer = HeartbeatProducer(self.dictionary)
         self._consumer = HeartbeatConsumer(self.dictionary, self._listen)
@@ -122,7 +127,7 @@ class CanopenNode:
             for n in range(PDO_COUNT)
         ]
         self._sync_receive: tuple[ReceivePdo, ...] = ()
-        self._sync_transmit: tuple[TransmitPdo, ...] = ()
+        self._at_sync: tuple[Callable[[], Frame | None], ...] = ()
         self._event_transmit: tuple[TransmitPdo, ...] = ()
         self._wrong_length: set[ReceivePdo] = set()
         self._sync_length = self.dictionary[0x1019, 0]
@@ -139,32 +144,37 @@ class CanopenNode:
             return NO_FRAMES
         self.time = time
         handler(data)
-        return self._take() if self._out else NO_FRAMES
+        out = self._out
+        if not out:
+            return NO_FRAMES
+        self._out = []
+        return out
 
     def tick(self, time: float) -> Sequence[Frame]:
         """Let simulated time reach `time` (s); give the frames that are due."""
         self.time = time
-        if time >= self._due:
+        if time >= self._deadline:
             self._serve_deadlines(time)
         self.device.tick(time)
         for pdo in self._event_transmit:
             frame = pdo.at_tick(time + TIME_TOLERANCE)
             if frame is not None:
                 self._out.append(frame)
-        return self._take() if self._out else NO_FRAMES
+        out = self._out
+        if not out:
+            return NO_FRAMES
+        self._out = []
+        self._plan()
+        return out
 
     def reboot(self) -> None:
         """Restart as after a power failure: everything back to its default, boot-up after the boot time."""
         self._restart(_EVERYTHING)
         self.device.start()
 
-    def _take(self) -> Sequence[Frame]:
-        out = self._out
-        self._out = []
-        return out
-
     def _send(self, can_id: int, data: bytes) -> None:
         self._out.append(Frame(can_id, data))
+        self.due = -math.inf  # what was not caused by a frame leaves with the next tick
 
     def _send_emergency(self, can_id: int, data: bytes) -> None:
         if self.state in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
@@ -182,7 +192,8 @@ class CanopenNode:
         self._plan()
 
     def _plan(self) -> None:
-        self._due = min(self._boot_due, self._producer.due, self._consumer.due) - TIME_TOLERANCE
+        self._deadline = min(self._boot_due, self._producer.due, self._consumer.due) - TIME_TOLERANCE
+        self.due = -math.inf if self.device.moves or self._event_transmit else self._deadline
 
     def _restart(self, area: tuple[int, int]) -> None:
         self.dictionary.reset(*area)
@@ -237,8 +248,8 @@ class CanopenNode:
             self.emergency.raise_error(SYNC_LENGTH)
             return
         # inputs are sampled before outputs change: both belong to this SYNC
-        for pdo in self._sync_transmit:
-            frame = pdo.at_sync()
+        for at_sync in self._at_sync:
+            frame = at_sync()
             if frame is not None:
                 self._out.append(frame)
         for setpoint in self._sync_receive:
@@ -301,7 +312,7 @@ class CanopenNode:
         """Work out which frames matter now, and what SYNC and ticks move."""
         self.accepts = {}
         self.accepts_changed()
-        self._sync_receive = self._sync_transmit = self._event_transmit = ()
+        self._sync_receive = self._at_sync = self._event_transmit = ()
         if self.state is NmtState.INITIALISING:
             return
         self._add(_NMT, self._on_nmt)
@@ -316,7 +327,7 @@ class CanopenNode:
             for pdo in receive:
                 self._add(pdo.can_id, partial(self._on_receive_pdo, pdo))
             self._sync_receive = tuple(pdo for pdo in receive if pdo.synchronous)
-            self._sync_transmit = tuple(pdo for pdo in transmit if pdo.synchronous)
+            self._at_sync = tuple(pdo.at_sync for pdo in transmit if pdo.synchronous)
             self._event_transmit = tuple(pdo for pdo in transmit if not pdo.synchronous)
         self._plan()
 

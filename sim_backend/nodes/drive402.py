@@ -52,6 +52,8 @@ class _Stop:
 class Drive402:
     """The application half of a drive. `state` and `mode` are what its statusword and 0x6061 say."""
 
+    moves = True
+
     def __init__(self, config: DriveConfig, plant: PlantPort) -> None:
         self.config = config
         self.device_type = drive_type(config)
@@ -136,7 +138,10 @@ class Drive402:
         if self._stop is not None:
             self._advance_stop(self._stop, time)
         elif self.state is PowerState.ENABLED:
-            self._supervise(time)
+            if self.mode == CSP:
+                self._watch_following_error(time)
+            else:
+                self._watch_limits()
 
     def connection_lost(self) -> None:
         """React by 0x6007 if the power stage is on; a drive that is off has nothing to make safe."""
@@ -312,25 +317,19 @@ class Drive402:
         self._speed_limit = self._max_speed.value * _RPM
         self._travel_watched = low < high and (low > I32_MIN or high < I32_MAX)
 
-    def _supervise(self, time: float) -> None:
-        """Act on speed and travel limits (torque and velocity modes) and on the following error (position mode)."""
-        if self.mode == CSP:
-            self._watch_following_error(time)
-            return
-        blocked = self._blocked_direction()
+    def _watch_limits(self) -> None:
+        """Act on the speed limit (torque mode) and the travel limits: no further in the blocked direction."""
+        blocked = 0
+        if self._travel_watched:
+            counts = self._position_counts()
+            blocked = 1 if counts > self._travel[1].value else -1 if counts < self._travel[0].value else 0
+        if self.mode == CST:
+            speed, limit = self._read()[self._velocity], self._speed_limit
+            if not -limit <= speed <= limit:
+                blocked = 1 if speed > 0 else -1
         if blocked != self._blocked:
             self._blocked = blocked
             self._follow()
-
-    def _blocked_direction(self) -> int:
-        if self.mode == CST:
-            speed = self._read()[self._velocity]
-            if abs(speed) > self._speed_limit:
-                return 1 if speed > 0 else -1
-        if self._travel_watched:
-            counts = self._position_counts()
-            return 1 if counts > self._travel[1].value else -1 if counts < self._travel[0].value else 0
-        return 0
 
     def _watch_following_error(self, time: float) -> None:
         window, time_out = self._following
@@ -356,7 +355,8 @@ class Drive402:
         return word
 
     def _position_counts(self) -> int:
-        return wrap_i32(math.floor(self._read()[self._position] * self._counts_per_radian))
+        counts = math.floor(self._read()[self._position] * self._counts_per_radian)
+        return counts if I32_MIN <= counts <= I32_MAX else wrap_i32(counts)
 
     def _velocity_units(self) -> int:
         return wrap_i32(round_half_away(self._read()[self._velocity] * self.config.velocity_scale))

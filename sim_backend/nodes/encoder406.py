@@ -41,6 +41,8 @@ class EncoderConfig:
 class Encoder406:
     """The application half of an encoder."""
 
+    moves = False
+
     def __init__(self, config: EncoderConfig, plant: PlantPort) -> None:
         self.config = config
         self.device_type = _encoder_type(config)

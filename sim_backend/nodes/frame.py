@@ -30,6 +30,12 @@ class Node(Protocol):
     def accepts(self) -> Container[int]:
         """Identifiers the device listens to now; the bus keeps other frames from it."""
 
+    time: float
+    """Kept up to date by the world, also while the device sleeps."""
+
+    due: float
+    """Instant (s) before which `tick` has nothing to do; the world lets the device sleep until then."""
+
     accepts_changed: Callable[[], None]
     """Set by the bus; the device calls it after each change of `accepts`."""
 

@@ -206,6 +206,8 @@ class TransmitPdo(Pdo):
         self._inhibit.check = self._check_inhibit
         self._event_time.changed = lambda _: on_change()
         self._data: Callable[[], bytes] = bytes
+        self.at_sync: Callable[[], Frame | None] = self._at_nth_sync
+        """Counts a SYNC; gives the frame if it is this one's turn. Another function after each `compile`."""
         self._syncs = 0
         self._sent = b""
         self._earliest = 0.0
@@ -214,7 +216,12 @@ class TransmitPdo(Pdo):
     def compile(self) -> None:
         """Prepare identifier and layout from the entries."""
         super().compile()
-        self._data = _sampler(self._layout.pack, [variable.read or variable.get for variable in self._variables])
+        getters = [variable.read or variable.get for variable in self._variables]
+        self._data = _sampler(self._layout.pack, getters)
+        if self.transmission == 1:
+            self.at_sync = _frame_sampler(self.can_id, self._layout.pack, getters)
+        else:
+            self.at_sync = self._if_changed if self.transmission == 0 else self._at_nth_sync
 
     def start(self, now: float) -> None:
         """Begin anew, as on entering OPERATIONAL: the first event is the present value."""
@@ -223,12 +230,7 @@ class TransmitPdo(Pdo):
         self._earliest = now
         self._timer_due = now + self._event_time.value * 1e-3
 
-    def at_sync(self) -> Frame | None:
-        """Count a SYNC; give the frame if it is this one's turn."""
-        if self.transmission == 1:
-            return new_frame((self.can_id, self._data()))
-        if self.transmission == 0:
-            return self._if_changed()
+    def _at_nth_sync(self) -> Frame | None:
         self._syncs += 1
         if self._syncs < self.transmission:
             return None
@@ -263,11 +265,18 @@ class TransmitPdo(Pdo):
 
 
 def _sampler(pack: Callable[..., bytes], getters: Sequence[Callable[[], Any]]) -> Callable[[], bytes]:
-    """Give a function that reads and packs the mapped values; the usual sizes do without a list per SYNC."""
+    """Give a function that reads and packs the mapped values."""
+    return lambda: pack(*[get() for get in getters])
+
+
+def _frame_sampler(
+    can_id: int, pack: Callable[..., bytes], getters: Sequence[Callable[[], Any]]
+) -> Callable[[], Frame]:
+    """Give a function that makes the frame of every SYNC; the usual sizes do without a list of values."""
     if len(getters) == 1:
         (only,) = getters
-        return lambda: pack(only())
+        return lambda: new_frame((can_id, pack(only())))
     if len(getters) == 3:
         first, second, third = getters
-        return lambda: pack(first(), second(), third())
-    return lambda: pack(*[get() for get in getters])
+        return lambda: new_frame((can_id, pack(first(), second(), third())))
+    return lambda: new_frame((can_id, pack(*[get() for get in getters])))

@@ -58,6 +58,8 @@ class TorqueConfig:
 class Torque404:
     """The application half of a transducer."""
 
+    moves = False
+
     def __init__(self, config: TorqueConfig, plant: PlantPort) -> None:
         self.config = config
         self.device_type = _torque_type(config)

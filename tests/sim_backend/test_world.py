@@ -20,6 +20,7 @@ class Ticking:
 
     node_id = 5
     accepts = ()
+    time = due = 0.0
 
     def __init__(self) -> None:
         self.ticks: list[float] = []
