@@ -1,6 +1,7 @@
 """The model of one piece: base law and lines together, and how a further term would act on it.
 
     torsion        f(T - c_T) + g(M - c_M)/N + e                                               (28)
+                   + J_l (k w)^2 e / K_F0 when turning, for a line e of order k: the output's inertia
     turning        f(T - c_T) + g((T - c_T)/N + sgn(w) (T_c - T_cr) + (b - b_r) w)/N + e
     backdrive      M = play((T - c_T)/N; T_fb/N) + c_M + M_0
     free run       M = (T - c_T)/N + sgn(w) T_c + b w + c_M + M_0 + J_r a (a: speed ripple, as acceleration)
@@ -240,6 +241,10 @@ def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Eva
     base: dict[str, Floats] = {}
     if track.T is not None or np.any(additions.load):
         base = {"K_F0": -flexspline / K_F0, "C_F": (T * compliance - flexspline) / C_F}
+    if track.moves and model.lines:
+        swing = _swing(track, model, positions) / K_F0
+        value = value + model.value("J_l") * swing
+        base["J_l"] = swing
     motor_route, load_weight = None, -compliance
     if track.M is not None:
         sign = np.sign(track.speed)
@@ -262,6 +267,21 @@ def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Eva
     return Evaluation(
         value, base, True, motor_route, Route(load_weight), positions, T, track.direction, _everywhere(track)
     )
+
+
+def _swing(track: Track, model: Model, positions: dict[str, Floats]) -> Floats:
+    """Give what an angle error adds to the output's acceleration, with the sign turned, rad/s^2.
+
+    An inertia at the output does not follow an error that turns fast: the flexspline takes up the difference, the
+    flexible part of the error, which grows with the square of the speed (Castejon et al. 2009, section 4).
+    """
+    total = np.zeros(track.size)
+    for line in model.lines:
+        position = positions.get(line.kind.variable)
+        if line.kind.entry is Entry.TORSION and position is not None:
+            turns = track.speed if line.kind.variable == "motor_position" else track.speed / _ratio(model)
+            total = total + (line.order * turns) ** 2 * line_values(line, position).value
+    return total
 
 
 def _load(track: Track) -> Floats:

@@ -91,6 +91,7 @@ def parameter_table(dut: Dut, ratio: float | None) -> ParameterTable:
             BaseParameter("T_c", "N*m", T_fs, 1e3 * T_fs, False),
             BaseParameter("b", "N*m*s", 0.0, 1e3 * T_fs, False),
             BaseParameter("M_0", "N*m", 0.0, 1e3 * T_fs, False),
+            BaseParameter("J_l", "kg*m^2", dut.output.inertia or 0.0, 1e-2, False),
             BaseParameter("J_r", "kg*m^2", dut.motor.inertia or 0.0, 0.5 * (dut.motor.inertia or 1e-3), False),
             BaseParameter("i_c", "A", 0.0, 1e3, False),
             BaseParameter("i_v", "A*s", 0.0, 1e3, False),

@@ -33,6 +33,9 @@ from rig.provenance import software_version
 SAME_SPEED = 1.05
 """Ratio below which two legs have the same speed."""
 
+KNOWN_SPEED = 1.5
+"""Times the fastest fitted leg up to which a torque line is predicted."""
+
 VIEW_POINTS = 6000
 """Samples of a residual that a plot can show."""
 
@@ -60,6 +63,7 @@ def trace(runs: Sequence[Run], dut: Dut, options: LoopOptions, clock: Clock | No
             hint="Check the channels in the log, and the ratio in the device file.",
         )
     base, selection, fastest = _selected(pieces, start, options.alpha)
+    fastest = min(fastest, _known_speed(pieces, selection))
     final = selection.fit
     sides = {
         side: _residuals(_up_to([p for t in tracks for p in pieces_of(t, ratio)], fastest), base.model, final.model)
@@ -76,9 +80,7 @@ def trace(runs: Sequence[Run], dut: Dut, options: LoopOptions, clock: Clock | No
     entries = [decision.kind.entry for decision in selection.decisions]
     warnings = (*campaign.warnings, *_remarks([*train, *held_out], runs, ratio, dut), *_unadded(selection))
     if math.isfinite(fastest):
-        text = (
-            f"Motor torque of legs faster than {fastest:.4g} rad/s left out: the drive does not follow the lines there."
-        )
+        text = f"Motor torque of legs faster than {fastest:.4g} rad/s left out: how the drive follows lines is unknown."
         warnings = (*warnings, text)
     return LoopResult(
         train=tuple(run.name for run in campaign.train),
@@ -143,6 +145,15 @@ def _selected(pieces: Sequence[Piece], start: Model, alpha: float) -> tuple[Fit,
         if len(found[1].decisions) > len(first.decisions):
             return found[0], found[1], limit
     return (found[0], found[1], fastest) if found[1] is first else (fit_base(pieces, start), first, fastest)
+
+
+def _known_speed(pieces: Sequence[Piece], selection: Selection) -> float:
+    """Give the leg speed up to which a torque line may be predicted, rad/s: not far beyond those it was fitted on."""
+    lines = [line for line in selection.fit.model.lines if line.kind.variable == "motor_position"]
+    speeds = [float(np.abs(p.track.speed[p.index]).max()) for p in pieces if _runs_free(p)]
+    if not speeds or all(line.kind.entry.is_angle for line in lines):
+        return math.inf
+    return KNOWN_SPEED * max(speeds)
 
 
 def _runs_free(piece: Piece) -> bool:

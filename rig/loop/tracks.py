@@ -62,9 +62,9 @@ class Track:
     `motor_position`, `output_position` rad; `T` and `M`: output and motor torque (N*m) as inputs of the springs,
     smoothed; `play_load`, `play_drive` as inputs of a play, smoothed more; `output_torque`, `motor_torque` as recorded,
     `motor_current` (A) where it cannot be turned into a torque. `ripple`: acceleration (rad/s^2) of the
-    speed ripple of a free run. `speed`: rad/s of the leg at the motor (at the output if only that is known), 0 outside legs.
-    `direction`: sign of the smoothed speed. `usable`: neither missing nor saturated; `steady`: inside a leg.
-    `moves`: the run turns, so that its measured angle is far larger than any torsion.
+    speed ripple of a free run. `speed`: rad/s of the leg at the motor (at the output if only that is known), 0
+    outside legs. `direction`: sign of the smoothed speed. `usable`: neither missing nor saturated; `steady`: inside
+    a leg. `moves`: the run turns, so that its measured angle is far larger than any torsion.
     """
 
     name: str
