@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Sequence
 from functools import partial
 from operator import itemgetter
-from typing import NamedTuple, cast
+from typing import NamedTuple, NoReturn, cast
 
 import numpy as np
 
@@ -92,6 +92,8 @@ class Plant:
         self._state_view = cast("memoryview[float]", self._state.data)
         self._inputs_view = cast("memoryview[float]", self._inputs.data)
         self._noise: Iterator[list[float]] = iter(())
+        self._advance = self._kernel.advance
+        self._arrays = (self._state, self._inputs, self._constants, self._kernel.effect_parameters)
         self._step = config.step
         self._steps = 0
         self._reading: PlantReading | None = None
@@ -114,7 +116,7 @@ class Plant:
             raise ModelError(f"time = {time!r} s is in the past: the plant stands at {self.time!r} s.")
         if steps == 0:
             return
-        self._kernel.advance(steps, self._state, self._inputs, self._constants, self._kernel.effect_parameters)
+        self._advance(steps, *self._arrays)
         self._steps += steps
         self._reading = None
 
@@ -123,7 +125,7 @@ class Plant:
 
         A change of mode takes over without a jump: the speed loop begins with the torque of the moment.
         """
-        mode_place, target_place, _, _ = _places(axis)
+        mode_place, target_place, _, _ = _AXES.get(axis) or _unknown(axis)
         if not math.isfinite(target):
             raise ModelError(f"{axis}: target = {target!r} in mode {mode.name} is not a finite number.")
         self._inputs_view[mode_place] = mode
@@ -131,14 +133,14 @@ class Plant:
 
     def set_torque_limit(self, axis: str, limit: float) -> None:
         """Bound the torque (N*m, magnitude) which the drive of `axis` can produce."""
-        limit_place = _places(axis)[2]
+        limit_place = (_AXES.get(axis) or _unknown(axis))[2]
         if not (math.isfinite(limit) and limit >= 0.0):
             raise ModelError(f"{axis}: torque limit = {limit!r} N*m must be finite and at least 0 N*m.")
         self._inputs[limit_place] = limit
 
     def torque_limited(self, axis: str) -> bool:
         """Tell whether that bound acted since the last call."""
-        place = _places(axis)[3]
+        place = (_AXES.get(axis) or _unknown(axis))[3]
         acted = self._state_view[place] != 0.0
         if acted:
             self._state_view[place] = 0.0
@@ -262,8 +264,5 @@ class Plant:
         return 0.5 * self.config.fixture_stiffness * stretch**2
 
 
-def _places(axis: str) -> tuple[int, int, int, int]:
-    try:
-        return _AXES[axis]
-    except KeyError:
-        raise ModelError(f"axis = {axis!r} is unknown; the plant has {', '.join(_AXES)}.") from None
+def _unknown(axis: str) -> NoReturn:
+    raise ModelError(f"axis = {axis!r} is unknown; the plant has {', '.join(_AXES)}.")

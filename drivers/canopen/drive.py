@@ -8,6 +8,7 @@ watchdog time an event says so.
 
 import math
 import struct
+from functools import partial
 
 import can
 
@@ -44,6 +45,10 @@ SETPOINTS = {
     Mode.VELOCITY: Pdo(Direction.RPDO, 3, (CONTROL_WORD, TARGET_VELOCITY)),
 }
 
+_NOT_MEASURED = (None,) * 4
+"""Velocity, current, temperature and voltage of a reading: they are not mapped into the feedback."""
+_new_reading = partial(tuple.__new__, DriveReading)
+"""Make a reading of all its fields in half the time of `DriveReading(...)`: one per drive and cycle."""
 _ENABLE = cia402.ENABLE_OPERATION
 _HALF, _MASK = 1 << 31, 0xFFFFFFFF
 _UNITS_OF_MODE = {Mode.TORQUE: "N*m", Mode.VELOCITY: "rad/s", Mode.POSITION: "rad"}
@@ -200,13 +205,16 @@ class Cia402Drive:
             described = cia402.describe_status(word)
             raise DriveFaultError(self.name, f"reports an impossible state: {described}")
         units = self._units
-        return DriveReading(
-            self._counts * units.position,
-            self._raw_torque * units.torque,
-            state,
-            word,
-            word & cia402.INTERNAL_LIMIT != 0,
-            self.age,
+        return _new_reading(
+            (
+                self._counts * units.position,
+                self._raw_torque * units.torque,
+                state,
+                word,
+                word & cia402.INTERNAL_LIMIT != 0,
+                self.age,
+                *_NOT_MEASURED,
+            )
         )
 
     def disable(self) -> DriveState:

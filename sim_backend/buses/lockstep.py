@@ -104,6 +104,8 @@ class LockstepBus(can.BusABC):
             raise can.CanOperationError("the simulated bus was shut down; nothing can be received")
         if self._received and self._filters is None:
             return self._received.popleft()
+        if timeout == 0.0 and not self._received:
+            return None
         deadline = None
         while True:
             while self._received:
@@ -135,10 +137,11 @@ class LockstepBus(can.BusABC):
                 if origin != MASTER:
                     self._received.append(_message(time, can_id, data))
                 for node_id, on_frame in routes[can_id] if can_id in routes else self._route(can_id):
-                    if node_id != origin and (answers := on_frame(time, can_id, data)):
-                        work += [(node_id, answer) for answer in answers]
-                        if len(work) > CASCADE_LIMIT:
-                            raise can.CanOperationError(f"bus overload: over {CASCADE_LIMIT} frames at one instant")
+                    if node_id != origin:
+                        for answer in on_frame(time, can_id, data):
+                            work.append((node_id, answer))
+            if len(work) > CASCADE_LIMIT:
+                raise can.CanOperationError(f"bus overload: more than {CASCADE_LIMIT} frames at one instant")
             disturbed = False
 
     def release(self) -> None:

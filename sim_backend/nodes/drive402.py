@@ -76,7 +76,8 @@ class Drive402:
         self._speed_limit = config.max_speed
         self._travel_watched = False
         self._outside_since: float | None = None
-        self._commanded: tuple[AxisMode, float] | None = None
+        self._regulated: AxisMode | None = None
+        self._target = 0.0
 
     def attach(self, node: CanopenNode) -> None:
         """Bind the objects to their behaviour."""
@@ -94,6 +95,7 @@ class Drive402:
             0x60F4: self._following_error,
         }.items():
             objects[index, 0].read = read
+        objects.together[(0x6041, 0), (0x6064, 0), (0x6077, 0)] = self._feedback
         self._options = {index: objects[index, 0] for index in (0x6007, 0x605A, 0x605B, 0x605C, 0x605D, 0x605E)}
         self._target_torque = objects[0x6071, 0]
         self._torque_offset = objects[0x60B2, 0]
@@ -120,7 +122,7 @@ class Drive402:
         self._next_mode = None
         self._control_word = 0
         self._cause_present = False
-        self._commanded = None
+        self._regulated = None
         self._set_torque_limit()
         self._set_motion_limits()
         self._enter(PowerState.SWITCH_ON_DISABLED)
@@ -303,9 +305,8 @@ class Drive402:
         return (actual + wrap_i32(counts - actual) + 0.5) / self._counts_per_radian
 
     def _command(self, mode: AxisMode, target: float) -> None:
-        command = (mode, target)
-        if command != self._commanded:
-            self._commanded = command
+        if target != self._target or mode is not self._regulated:
+            self._regulated, self._target = mode, target
             self._plant.command(self.config.axis, mode, target)
 
     def _set_torque_limit(self) -> None:
@@ -363,6 +364,16 @@ class Drive402:
 
     def _torque_per_mille(self) -> int:
         return to_i16(self._read()[self._torque] / self._torque_unit)
+
+    def _feedback(self) -> tuple[int, int, int]:
+        """Give status word, position and torque, as the three functions above and `_status_word` do one by one."""
+        reading = self._read()
+        counts = math.floor(reading[self._position] * self._counts_per_radian)
+        return (
+            self._status_word(),
+            counts if I32_MIN <= counts <= I32_MAX else wrap_i32(counts),
+            to_i16(reading[self._torque] / self._torque_unit),
+        )
 
     def _torque_demand(self) -> int:
         if self.state is not PowerState.ENABLED or self._stop is not None or self.mode != CST or self._blocked:

@@ -156,6 +156,8 @@ class ObjectDictionary:
     """All entries of a device. Hidden indices answer as if they did not exist; the device still uses them."""
 
     def __init__(self, specs: Iterable[ObjectSpec], hidden: Iterable[int] = ()) -> None:
+        self.together: dict[tuple[tuple[int, int], ...], Callable[[], tuple[Any, ...]]] = {}
+        """What a device reads in one go, by (index, sub) pairs: a PDO that maps just these asks once per SYNC."""
         self._variables: dict[tuple[int, int], Variable[Any]] = {}
         self._hidden = frozenset(hidden)
         for spec in specs:

@@ -187,7 +187,8 @@ class ReceivePdo(Pdo):
 
     def apply(self, data: bytes) -> None:
         """Write the mapped objects; a value that an object refuses leaves that object as it was."""
-        for put, value in zip(self._setters, self._layout.unpack_from(data), strict=True):
+        # as many values as setters: both come from one mapping
+        for put, value in zip(self._setters, self._layout.unpack_from(data), strict=False):
             try:
                 put(value)
             except AbortError:
@@ -217,9 +218,11 @@ class TransmitPdo(Pdo):
         """Prepare identifier and layout from the entries."""
         super().compile()
         getters = [variable.read or variable.get for variable in self._variables]
-        self._data = _sampler(self._layout.pack, getters)
+        mapped = tuple((variable.spec.index, variable.spec.sub) for variable in self._variables)
+        self._data = _sampler(self._layout.pack, getters, self._dictionary.together.get(mapped))
         if self.transmission == 1:
-            self.at_sync = _frame_sampler(self.can_id, self._layout.pack, getters)
+            can_id, data = self.can_id, self._data
+            self.at_sync = lambda: new_frame((can_id, data()))
         else:
             self.at_sync = self._if_changed if self.transmission == 0 else self._at_nth_sync
 
@@ -264,19 +267,15 @@ class TransmitPdo(Pdo):
             raise AbortError(self._while_valid)
 
 
-def _sampler(pack: Callable[..., bytes], getters: Sequence[Callable[[], Any]]) -> Callable[[], bytes]:
-    """Give a function that reads and packs the mapped values."""
-    return lambda: pack(*[get() for get in getters])
-
-
-def _frame_sampler(
-    can_id: int, pack: Callable[..., bytes], getters: Sequence[Callable[[], Any]]
-) -> Callable[[], Frame]:
-    """Give a function that makes the frame of every SYNC; the usual sizes do without a list of values."""
+def _sampler(
+    pack: Callable[..., bytes],
+    getters: Sequence[Callable[[], Any]],
+    together: Callable[[], tuple[Any, ...]] | None,
+) -> Callable[[], bytes]:
+    """Give a function that reads and packs the mapped values, all at once or by their `getters`."""
+    if together is not None:
+        return lambda: pack(*together())
     if len(getters) == 1:
         (only,) = getters
-        return lambda: new_frame((can_id, pack(only())))
-    if len(getters) == 3:
-        first, second, third = getters
-        return lambda: new_frame((can_id, pack(first(), second(), third())))
-    return lambda: new_frame((can_id, pack(*[get() for get in getters])))
+        return lambda: pack(only())
+    return lambda: pack(*[get() for get in getters])
