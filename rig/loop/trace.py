@@ -273,8 +273,9 @@ def _remarks(tracks: Sequence[Track], runs: Sequence[Run], ratio: float | None, 
         )
         if constant:
             found.append(f"{run.name}: constant throughout: {', '.join(constant)}.")
-        if run.gaps:
-            found.append(f"{run.name}: {len(run.gaps)} gaps.")
+    gaps = {run.name: len(run.gaps) for run in runs if run.gaps}
+    if gaps:
+        found.append(f"{sum(gaps.values())} gaps in {len(gaps)} of {len(runs)} runs, most in {max(gaps, key=gaps.get)}.")
     return found
 
 
