@@ -366,7 +366,7 @@ class Drive402:
         return to_i16(self._read()[self._torque] / self._torque_unit)
 
     def _feedback(self) -> tuple[int, int, int]:
-        """Give status word, position and torque, as the three functions above and `_status_word` do one by one."""
+        """Give status word, position and torque in one go, as their objects give them one by one."""
         reading = self._read()
         counts = math.floor(reading[self._position] * self._counts_per_radian)
         return (

@@ -9,6 +9,7 @@ import pytest
 from sim_backend.errors import ModelError
 from sim_backend.faults import FAULTS
 from sim_backend.nodes.bench import bench_nodes
+from sim_backend.nodes.communication import CanopenNode
 from sim_backend.nodes.frame import Frame
 from sim_backend.world import World
 from tests.sim_backend.fake_plant import FakePlant
@@ -221,3 +222,26 @@ def test_faults_leave_the_bus_usable_for_everyone_else(world: World) -> None:
     world.bus.send(message(0x602, "40 00 10 00 00 00 00 00"))
     assert (0x582, "43 00 10 00 92 01 02 00") in drain(world)
     assert isinstance(world.bus, can.BusABC)
+
+
+def test_a_device_sleeps_until_it_is_due_and_still_knows_the_time() -> None:
+    device = Ticking()
+    world = World(FakePlant(), [device])
+    device.due = 0.0049
+    world.advance_to(0.004)
+    assert (device.ticks, device.time) == ([0.0], 0.004)
+    world.advance_to(0.006)
+    assert device.ticks == pytest.approx([0.0, 0.005, 0.006], abs=1e-9)
+
+
+def test_what_a_sleeping_sensor_has_to_say_by_itself_leaves_with_the_next_tick(world: World) -> None:
+    sensor = world.node(4)
+    assert isinstance(sensor, CanopenNode)
+    world.advance_to(world.time + 0.01)
+    assert sensor.due == math.inf  # no heartbeat, no event timer, nothing that moves
+    sensor.emergency.raise_error(0x5000)
+    assert drain(world) == []
+    world.advance_to(world.time + 0.001)
+    ((can_id, data),) = drain(world)
+    assert (can_id, data[:5]) == (0x084, "00 50")
+    assert sensor.due == math.inf
