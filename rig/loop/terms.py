@@ -1,7 +1,7 @@
 """Terms: what can be added to the base model, each with a column in every equation it enters.
 
-A periodic term is e = s sin(k x) + c cos(k x) of an angle x; where it acts decides what it does (PHYSICS of the
-bench, contract signs, sense `opposed`):
+A periodic term is e = s sin(k x) + c cos(k x) of an angle x; where it acts decides what it does (logged
+signals, sense `opposed`):
 
     torsion            torsion += e, and the motor feels -T e' (T: output torque)
     motor balance      motor torque += e; the wave generator then carries M - e

@@ -3,7 +3,7 @@
     p_k = min(max(p_{k-1}, u_k - r), u_k + r)
 
 Locked output: T_F = play(N motor_torque; N T_fs). Backdrive: motor_torque = play(T_F/N; T_fb/N), which equals
-equation (36) of Zhang, Ahmad & Liu 2014 with its sign and inequality corrected. Source: PHYSICS 3.4 and 3.5.
+equation (36) of Zhang, Ahmad & Liu 2014 with its sign and inequality corrected.
 """
 
 from collections.abc import Callable

@@ -92,7 +92,7 @@ class PlantConfig:
     `drive.viscous_friction`. `rotor_friction` (N*m) and `rotor_viscous_friction` (N*m*s) come on top of it.
     `output_inertia` includes arm and load motor. The damping of the springs is structural: the rotor on the
     sticking rim rings at 34 Hz with a damping ratio of about 0.15. Both springs go on in a straight line above their
-    stiffness caps (PHYSICS: at 1000 N*m/rad the torsion differs by 0.4 urad rms from equation (28)).
+    stiffness caps (at 1000 N*m/rad the torsion differs by 0.4 urad rms from equation (28)).
     Noises are standard deviations of white noise per reading.
     """
 

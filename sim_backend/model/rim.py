@@ -5,7 +5,7 @@
 
 The left side falls monotonically with the rim's angle, so the new angle is unique: the return mapping of plasticity.
 It is found by Newton steps inside a bracket. The speed while sliding is the second-order backward difference.
-Source: PHYSICS 3.4 and 4.5, after Zhang, Ahmad & Liu 2014, figures 4 to 6. Scalar code for the compiled kernel.
+Source: the two-spring analogue of Zhang, Ahmad & Liu 2014, figures 4 to 6. Scalar code for the compiled kernel.
 """
 
 import math

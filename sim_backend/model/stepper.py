@@ -6,7 +6,7 @@
 
 One evaluation of the springs per step, second order. Velocities inside forces are extrapolated to the end of the
 step. Dry rotor friction brakes each half kick and never reverses it. T_F acts on the flexspline from outside, T_w on
-the motor shaft; at rest T_w = -motor_torque. Source: PHYSICS 4.5; sense `opposed`. Scalar code that numba compiles.
+the motor shaft; at rest T_w = -motor_torque. Sense `opposed`. Scalar code that numba compiles.
 """
 
 import math
