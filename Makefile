@@ -16,8 +16,8 @@ $(STAMP): requirements.lock pyproject.toml
 	@sh .ci/make-venv $(VENV)
 	@touch $(STAMP)
 
-test: $(STAMP)   ## the whole test suite
-	$(BIN)/python -m pytest -n 2 --dist loadgroup
+test: $(STAMP)   ## the whole test suite, one process a core
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadgroup
 
 lint: $(STAMP)   ## formatter, linter, strict types, import directions
 	$(BIN)/ruff format --check .

@@ -275,9 +275,8 @@ def _remarks(tracks: Sequence[Track], runs: Sequence[Run], ratio: float | None, 
             found.append(f"{run.name}: constant throughout: {', '.join(constant)}.")
     gaps = {run.name: len(run.gaps) for run in runs if run.gaps}
     if gaps:
-        found.append(
-            f"{sum(gaps.values())} gaps in {len(gaps)} of {len(runs)} runs, most in {max(gaps, key=lambda name: gaps[name])}."
-        )
+        most = max(gaps, key=lambda name: gaps[name])
+        found.append(f"{sum(gaps.values())} gaps in {len(gaps)} of {len(runs)} runs, most in {most}.")
     return found
 
 

@@ -57,6 +57,7 @@ def test_a_joint_with_torque_and_position_only_gets_gravity_and_its_error_before
 
 
 @needs_map
+@pytest.mark.timeout(600)  # 16 sectors, a dozen lines, each with a joint refit
 def test_a_map_in_amperes_shows_cogging_lines_and_says_that_the_hold_out_is_weak() -> None:
     result = trace(map_runs(), dut('name = "motor"\n'), LoopOptions())
     assert tuple(result.equations) == ("motor-current",)

@@ -54,6 +54,7 @@ def test_a_traced_kinematic_error_brings_the_held_out_torsion_to_the_floor() -> 
     assert torsion.rms_after < 1.15 * torsion.floor
 
 
+@pytest.mark.timeout(600)  # the longest search: a line at order 84 in 220 000 samples
 def test_cogging_is_named_alone_and_leaves_no_line_in_the_torsion() -> None:
     result = traced(COGGING)
     assert (result.verdict, result.effects) == (Verdict.NAMED, ("cogging",))
