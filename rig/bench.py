@@ -205,7 +205,8 @@ class Bench:
             self._modes[axis] = self._commands[axis] = None
             try:
                 states[axis] = action(self._drive(axis))
-            except RigError as error:
+            except Exception as caught:  # whatever fails on one drive, the next must still be stopped
+                error = _as_rig_error(axis.value, caught)
                 if failure is None:
                     failure = error
                 else:
@@ -238,8 +239,8 @@ class Bench:
         for part in (*self._devices.values(), *self._buses):
             try:
                 part.close()
-            except RigError as error:
-                failures.append(error)
+            except Exception as caught:  # whatever fails on one part, the next must still be closed
+                failures.append(_as_rig_error(getattr(part, "name", "bus"), caught))
         self._devices.clear()
         self._drives.clear()
         self._buses.clear()
@@ -262,6 +263,14 @@ def _by_bus(configs: tuple[DeviceConfig, ...]) -> dict[tuple[str, str, str], tup
         key = (drivers[config.driver].bus, config.interface, config.channel)
         groups[key] = (*groups.get(key, ()), config)
     return groups
+
+
+def _as_rig_error(device: str, error: Exception) -> RigError:
+    if isinstance(error, RigError):
+        return error
+    wrapped = DriveFaultError(device, f"failed in its driver: {type(error).__name__}: {error}")
+    wrapped.__cause__ = error
+    return wrapped
 
 
 class _AbsentDrive(NamedTuple):

@@ -106,8 +106,8 @@ def execute(
         error = caught
         run.say("error", str(caught))
     finally:
-        steps.close()
         safe = run.make_safe()
+        steps.close()
     if isinstance(error, CycleError | NotConnectedError):
         run.listen_for_the_cause(error)
     return RunOutcome(
@@ -188,7 +188,6 @@ class _Execution:
                 if isinstance(intent, Command):
                     self._command(intent)
                     sample = self._cycle()
-                    self.watch.check(sample)
                 else:
                     self._carry_out(intent)
                 intent = steps.send(sample)
@@ -261,8 +260,7 @@ class _Execution:
         try:
             report = self._bench.cycle(self.time, self.index, late)
         finally:
-            for event in self._bench.events():
-                self._log.device_event(event)
+            self._log_events()
         self.missing += report.missing
         self._log.write(report.sample)
         self.index += 1
@@ -293,6 +291,10 @@ class _Execution:
         if heard:
             error.add_note(f"After it the devices reported: {'; '.join(heard)}.")
 
+    def _log_events(self) -> None:
+        for event in self._bench.events():
+            self._log.device_event(event)
+
     def make_safe(self) -> SafeState:
         """Take the torque away by the bench's declared reaction, confirm it, and record it. Raises nothing."""
         reaction = self._bench.config.safety.reaction
@@ -317,6 +319,7 @@ class _Execution:
         shown = ", ".join(f"{axis} {state}" for axis, state in safe.states.items()) or "no state read back"
         text = f"{safe.reaction}: {shown}; {'confirmed' if confirmed else 'NOT CONFIRMED'}"
         _try(lambda: self.say("safe state", text), problems)
+        _try(self._log_events, problems)
         return safe
 
     def _ramp_down(self) -> None:

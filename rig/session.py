@@ -195,7 +195,10 @@ def _run(session: Session, job: Job, planned: PlannedRun) -> RunRecord:
             outcome = execute(bench, planned.steps(), log, session.operator, session.stop, session.watcher.on_progress)
             error = _closed(bench, outcome.error)
             if error is None:
-                result = outcome.evaluate()
+                try:
+                    result = outcome.evaluate()
+                except RigError as caught:
+                    error = caught
         finally:
             log.close(_outcome_record(outcome, result, error))
     finally:
@@ -262,7 +265,7 @@ def _outcome_record(outcome: RunOutcome | None, result: Result, error: RigError 
         return {"status": str(Status.ERROR), "error": "the program failed; see its message"}
     safe = outcome.safe_state
     record = {
-        "status": str(outcome.status),
+        "status": str(outcome.status if outcome.error is not None or error is None else Status.ERROR),
         "cycles": str(outcome.cycles),
         "late": str(outcome.late),
         "missing": str(outcome.missing),

@@ -56,16 +56,10 @@ class _WorldLock:
 
 
 def as_simulated(bench: BenchFile) -> BenchFile:
-    """Give the same bench with every device simulated, for a dry run against its limits."""
+    """Give the same bench with every device simulated on one bus, for a dry run against its limits."""
     devices = {
-        role: Device(
-            driver=device.driver,
-            interface=SIMULATED,
-            channel=f"{device.interface}:{device.channel}",
-            node=device.node,
-            bitrate=device.bitrate,
-        )
-        for role, device in bench.devices.items()
+        role: Device(driver=device.driver, interface=SIMULATED, channel="dry run", node=node)
+        for node, (role, device) in enumerate(bench.devices.items(), start=1)
     }
     lock = Lock.NONE if bench.fixture.lock is Lock.NONE else Lock.SIMULATED
     return bench.model_copy(update={"devices": devices, "fixture": bench.fixture.model_copy(update={"lock": lock})})

@@ -1,5 +1,6 @@
 """`rig run`: open the bench, run the procedures, log every run; or walk through them in simulation (dry run)."""
 
+import math
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,7 @@ from procedures.registry import PROCEDURES
 from rig.bench import Bench, FixtureLock
 from rig.config.bench import BenchFile, Lock, load_bench
 from rig.config.dut import Dut, default_dut, load_dut
+from rig.log.load import load_run
 from rig.loop.model_file import Model, load_model
 from rig.operator import Answered, ConsentGiven, Operator, SimulatedOperator, TerminalOperator
 from rig.runner import Progress
@@ -57,6 +59,12 @@ def run_command(names: tuple[str, ...], options: RunOptions, dry_run: bool) -> N
     model = load_model(options.model) if options.model is not None else None
     if model is not None and not (bench_file.simulated or dry_run):
         raise ConfigError("--model", [Mistake("--model", str(options.model), "only the simulated bench runs a model")])
+    if options.dut is None and model is None and not bench_file.simulated:
+        raise ConfigError(
+            "--dut",
+            [Mistake("--dut", None, "missing; torques and speeds on a real bench are scaled by the device under test")],
+            hint="Describe the mounted device in a dut file.",
+        )
     dut, dut_text = _dut(options.dut, model)
     if dry_run:
         _dry_run(jobs, bench_file, dut, model, options)
@@ -135,7 +143,14 @@ def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Mode
     with Stop().listening() as stop, tempfile.TemporaryDirectory() as folder:
         simulated = simulate(stand_in, dut, model, seed=options.seed)
         records: list[RunRecord] = []
-        watcher = Watcher(on_end=records.append)
+        phases: dict[str, tuple[tuple[float, str], ...]] = {}
+
+        def on_end(record: RunRecord) -> None:
+            records.append(record)
+            events = load_run(record.file).events
+            phases[record.file.stem] = tuple((e.time, e.text) for e in events if e.kind == "phase")
+
+        watcher = Watcher(on_end=on_end)
         try:
             session = Session(
                 simulated.bench, dut, Provenance("", "", "dry run"), Path(folder), SimulatedOperator(), stop, watcher
@@ -153,7 +168,11 @@ def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Mode
             "run": f"{record.procedure}-{record.name}",
             "set_up": record.set_up,
             "duration_s": record.outcome.duration,
-            "extremes": {name: [value, limit] for name, value, limit in margin_table(record, simulated.bench)},
+            "phases": [list(phase) for phase in phases[record.file.stem]],
+            "extremes": {
+                name: [value, limit if math.isfinite(limit) else None]
+                for name, value, limit in margin_table(record, simulated.bench)
+            },
         }
         for record in records
     ]
@@ -161,11 +180,12 @@ def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Mode
         emit({"dry_run": rows, "duration_s": duration, "assumed": list(simulated.assumed)})
         return
     table = Table(title="Dry run: nothing was moved", header_style="bold")
-    for heading in ("run", "seconds", "largest, with its limit"):
-        table.add_column(heading)
+    for heading in ("run", "s", "phases", "largest, with its limit"):
+        table.add_column(heading, overflow="fold")
     for record in records:
         extremes = ", ".join(f"{n} {v:.4g} of {b:.4g}" for n, v, b in margin_table(record, simulated.bench))
-        table.add_row(f"{record.procedure}-{record.name}", f"{record.outcome.duration:.1f}", extremes)
+        told = ", ".join(f"{text} at {time:.1f}" for time, text in phases[record.file.stem])
+        table.add_row(f"{record.procedure}-{record.name}", f"{record.outcome.duration:.1f}", told, extremes)
     Console().print(table)
     tell(f"{len(records)} runs, {duration / 60:.1f} minutes of bench time")
     for line in simulated.assumed:

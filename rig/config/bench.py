@@ -144,6 +144,8 @@ class BenchFile(FileModel):
                 f"safety.heartbeat_time = {self.safety.heartbeat_time:g} s: at least 10 cycles "
                 f"({10 / self.cycle_rate:g} s at {self.cycle_rate} Hz)"
             )
+        if "load" in self.devices and self.limits.load_torque is None:
+            mistakes.append("limits.load_torque: missing; a bench with a load drive bounds its torque")
         if self.fixture.lock is Lock.SIMULATED and not self.simulated:
             mistakes.append("fixture.lock = 'simulated': only where every device is simulated")
         if mistakes:

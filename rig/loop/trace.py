@@ -51,7 +51,7 @@ def trace(runs: Sequence[Run], dut: Dut, options: LoopOptions, clock: Clock | No
     campaign = split_runs(runs, options)
     train = [make_track(run, dut) for run in campaign.train]
     held_out = [make_track(run, dut) for run in campaign.held_out]
-    ratio = check_gear([*train, *held_out], dut)
+    ratio = check_gear(train, dut)
     check_signs([*train, *held_out], ratio)
     start = start_model(dut, ratio, options.base)
     pieces = _settled([piece for track in train for piece in pieces_of(thin_track(track), ratio)], start)
