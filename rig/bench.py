@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Protocol, cast
 
 from drivers.clock import Clock
 from drivers.devices import DeviceBus, DeviceConfig, Drive, Sensor, TorqueSensor
-from drivers.errors import ConfigError, CycleError, DriveFaultError, Mistake, NotConnectedError, RigError
+from drivers.errors import ConfigError, CycleError, DriveFaultError, LimitError, Mistake, NotConnectedError, RigError
 from drivers.registry import all_drivers
 from drivers.types import Axis, DeviceEvent, DeviceInfo, DriveReading, DriveState, Mode, Sample, Setpoint
 from rig.config.bench import BenchFile
@@ -125,6 +125,16 @@ class Bench:
         load = self._load.read() if self._load is not None else _ABSENT_DRIVE
         encoder = self._encoder.read() if self._encoder is not None else _ABSENT_SENSOR
         torque = self._torque.read() if self._torque is not None else _ABSENT_SENSOR
+        if not torque.valid:
+            raise LimitError(
+                "output_torque",
+                torque.value or 0.0,
+                abs(torque.value or 0.0),
+                "N*m",
+                cycle=index,
+                what=f"The torque sensor is at the end of its range ({torque.value} N*m) in cycle {index}.",
+                hint="What it shows there is no torque: lower the load or use a larger sensor.",
+            )
         position, velocity, motor_torque = _by_mode(self._commands[Axis.MOTOR])
         _, _, load_torque = _by_mode(self._commands[Axis.LOAD])
         filled = _new_sample(
@@ -287,6 +297,7 @@ class _AbsentSensor(NamedTuple):
 
     value: None = None
     age: int = 0
+    valid: bool = True
 
 
 _ABSENT_DRIVE = _AbsentDrive()

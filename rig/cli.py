@@ -1,5 +1,6 @@
 """The command line. Each command imports what it needs in its body, so that `rig --help` answers at once."""
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -35,7 +36,7 @@ def run(
         bool, typer.Option("--dry-run", help="Simulate against the bench's limits; open no device.")
     ] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Consent to motion and to every request of a procedure.")] = False,
-    seed: Annotated[int | None, typer.Option(help="Seed of the simulated instruments' noise.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of the simulated instruments' noise.")] = None,
     out: Out = Path("runs"),
     as_json: Json = False,
 ) -> None:
@@ -138,7 +139,7 @@ def loop(
     base: Annotated[Path | None, typer.Option(help="Model to start from (model.json).")] = None,
     held_out: Annotated[list[str] | None, typer.Option("--held-out", metavar="GLOB", help="Runs to hold out.")] = None,
     alpha: Annotated[float, typer.Option(min=1e-6, max=0.5, help="False-alarm probability.")] = 0.01,
-    seed: Annotated[int, typer.Option(help="Seed of the split and of the resampling.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the split and of the resampling.")] = 0,
     out: Out = Path("runs/loop"),
     as_json: Json = False,
 ) -> None:
@@ -165,7 +166,7 @@ def predict(
 
 @app.command()
 def demo(
-    seed: Annotated[int | None, typer.Option(help="Seed that draws the undeclared effect; default: drawn.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed that draws the effect; default: drawn.")] = None,
     out: Out = Path("runs/demo"),
     as_json: Json = False,
 ) -> None:
@@ -177,5 +178,9 @@ def demo(
 
 
 def main() -> None:
-    """Run the command line."""
-    app()
+    """Run the command line; an interrupt before or after a command's own care is an abort as well."""
+    try:
+        app()
+    except KeyboardInterrupt:
+        typer.echo("Aborted: SIGINT.", err=True)
+        sys.exit(4)

@@ -170,6 +170,7 @@ class _Execution:
         self._begin = self._deadline = self._clock.now()
         self._phase = Mark("start")
         self._released = True
+        self._heard: list[str] = []
         self.index = 0
         self.late = 0
         self.missing = 0
@@ -260,11 +261,12 @@ class _Execution:
         try:
             report = self._bench.cycle(self.time, self.index, late)
         finally:
-            self._log_events()
+            self._log_events(self._bench.events())
         self.missing += report.missing
         self._log.write(report.sample)
         self.index += 1
         self.watch.observe(report.filled)
+        self.watch.check(report.filled)
         if self.late > self._limits.late_cycles or self.missing > self._limits.missing_cycles:
             raise CycleError(
                 f"Too many late or missing cycles at {self.time:.3f} s",
@@ -280,20 +282,18 @@ class _Execution:
 
     def listen_for_the_cause(self, error: RigError) -> None:
         """Hear what the devices report after a failure (a restart, an emergency) and add it to the error."""
-        heard: list[str] = []
         for _ in range(round(LISTENING_TIME / self._cycle_time)):
             self._deadline += self._cycle_time
             self._clock.sleep_until(self._deadline)
             self.time = self._clock.now() - self._begin
-            for event in self._bench.listen():
-                self._log.device_event(event)
-                heard.append(f"{event.device}: {event.text}")
-        if heard:
-            error.add_note(f"After it the devices reported: {'; '.join(heard)}.")
+            self._log_events(self._bench.listen())
+        if self._heard:
+            error.add_note(f"The devices reported: {'; '.join(self._heard)}.")
 
-    def _log_events(self) -> None:
-        for event in self._bench.events():
+    def _log_events(self, events: list[DeviceEvent]) -> None:
+        for event in events:
             self._log.device_event(event)
+            self._heard.append(f"{event.device}: {event.text}")
 
     def make_safe(self) -> SafeState:
         """Take the torque away by the bench's declared reaction, confirm it, and record it. Raises nothing."""
@@ -319,7 +319,7 @@ class _Execution:
         shown = ", ".join(f"{axis} {state}" for axis, state in safe.states.items()) or "no state read back"
         text = f"{safe.reaction}: {shown}; {'confirmed' if confirmed else 'NOT CONFIRMED'}"
         _try(lambda: self.say("safe state", text), problems)
-        _try(self._log_events, problems)
+        _try(lambda: self._log_events(self._bench.events()), problems)
         return safe
 
     def _ramp_down(self) -> None:

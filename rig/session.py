@@ -18,6 +18,7 @@ from procedures.plan import BenchFacts, PlannedRun, Procedure
 from rig.bench import Bench
 from rig.config.bench import Lock
 from rig.config.dut import Dut, Rotation
+from rig.log.names import writable_folder
 from rig.log.writer import LogWriter
 from rig.operator import Operator
 from rig.provenance import git_state, operator_name, software_version
@@ -156,6 +157,7 @@ def run_jobs(session: Session, jobs: Sequence[Job]) -> tuple[JobRecord, ...]:
     for job in jobs:
         check_equipment(job, facts)
         plans.append((job, _repeated(job.procedure.plan(job.parameters, facts), job.repeat)))
+    writable_folder(session.out)
     records = []
     for job, plan in plans:
         runs = []

@@ -2,6 +2,7 @@
 
 import math
 import secrets
+import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -22,6 +23,9 @@ from sim_backend.nodes.encoder406 import encoder_node
 from sim_backend.nodes.torque404 import torque_node
 from sim_backend.plant import Plant
 from sim_backend.world import World
+
+LEAST_RATED_TORQUE = 1e-3
+"""N*m; the rated torque of a CiA 402 drive (0x6076) is a whole number of mN*m."""
 
 DRIVE_MARGIN = 1.175
 """Rated torque of the simulated drives over what the gear's rated torque asks of them."""
@@ -80,9 +84,12 @@ def simulate(
     assumed: list[str] = []
     try:
         plant = _plant(bench, dut, model, effects, secrets.randbits(31) if seed is None else seed, assumed)
-    except ModelError as error:
+    except (ModelError, OverflowError, struct.error) as error:
         source = f"model of '{dut.name}'" if model is not None else f"dut '{dut.name}'"
         raise ConfigError(source, [Mistake("simulated bench", dut.name, str(error))]) from error
+    if _motor_rated_torque(dut) < LEAST_RATED_TORQUE:
+        rule = f"asks for a motor of {_motor_rated_torque(dut):.3g} N*m; a drive counts in 1e-3 N*m"
+        raise ConfigError(f"dut '{dut.name}'", [Mistake("gear.rated_torque", dut.gear.rated_torque, rule)])
     nodes = tuple(_node(role, device, plant, dut) for role, device in bench.devices.items())
     world = World(plant, nodes)
     keys = {(device.interface, device.channel) for device in bench.devices.values()}

@@ -38,6 +38,7 @@ class Stop:
         before = {number: signal.signal(number, on_signal) for number in STOP_SIGNALS}
         try:
             yield self
+            self.check("end")
         finally:
             for number, handler in before.items():
                 signal.signal(number, handler)

@@ -1,6 +1,7 @@
 """What a person or a program sees of a command: errors as one paragraph on stderr, results as text or JSON."""
 
 import json
+import signal
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -26,9 +27,12 @@ def reporting(as_json: bool = False) -> Iterator[None]:
     try:
         yield
     except RigError as error:
+        if error.exit_code == AbortedError.exit_code:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one must not cut the message short
         _report(error, as_json)
         raise typer.Exit(error.exit_code) from error
     except KeyboardInterrupt as error:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one must not cut the message short
         aborted = AbortedError("SIGINT")
         _report(aborted, as_json)
         raise typer.Exit(aborted.exit_code) from error

@@ -18,8 +18,9 @@ class Unwrapper:
         self._raw = 0
 
     def start(self, raw: int) -> None:
-        """Begin at a raw value; the count is that value."""
-        self.counts = self._raw = raw
+        """Begin at a raw value; the count is that value, or the one below zero that shows the same."""
+        self._raw = raw
+        self.counts = (raw + self._half) % self.span - self._half
         self.plausible = True
 
     def step(self, raw: int) -> None:

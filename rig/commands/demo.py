@@ -12,13 +12,13 @@ from rich.console import Console
 from rich.table import Table
 
 from drivers.clock import Clock, RealClock
-from drivers.errors import ConfigError, Mistake
 from procedures.plan import build_parameters
 from procedures.registry import PROCEDURES
 from rig.commands.loop import dut_of, print_files, print_result, write_loop
 from rig.config.bench import load_bench
 from rig.config.dut import default_dut
 from rig.log.load import load_runs
+from rig.log.names import writable_folder
 from rig.loop.campaign import LoopOptions
 from rig.loop.result import LoopResult
 from rig.loop.trace import trace
@@ -52,8 +52,7 @@ class Truth:
 def demo_command(seed: int | None, out: Path, as_json: bool) -> None:
     """Run all procedures, close the loop, reveal the truth."""
     clock: Clock = RealClock()
-    if out.exists() and any(out.iterdir()):
-        raise ConfigError("-o", [Mistake("-o", str(out), "is not empty; the demo starts from an empty folder")])
+    out = _fresh(out)
     seed = secrets.randbits(31) if seed is None else seed
     hidden = draw_effect(seed)
     tell("The simulated bench carries an effect that neither the logs nor the loop are told.")
@@ -62,7 +61,7 @@ def demo_command(seed: int | None, out: Path, as_json: bool) -> None:
     recorded = clock.now()
     tell(f"Recorded {bench_seconds / 60:.1f} minutes of bench time in {recorded:.0f} s. Closing the loop ...")
     runs = load_runs([logs])
-    result = trace(runs, dut_of(runs), LoopOptions())
+    result = trace(runs, dut_of(runs), LoopOptions(), on_stage=tell)
     files = write_loop(result, out / "loop")
     truth = Truth(
         hidden.effect.id, {p.name: (v, p.unit) for p, v in zip(hidden.effect.parameters, hidden.values, strict=True)}
@@ -79,6 +78,15 @@ def demo_command(seed: int | None, out: Path, as_json: bool) -> None:
     tell(f"logs    {logs}")
     print_files(files)
     tell(f"Took {clock.now():.0f} s, of which the loop {clock.now() - recorded:.0f} s.")
+
+
+def _fresh(out: Path) -> Path:
+    """Give a folder that does not exist yet: `out`, or the same with a number."""
+    candidate, number = out, 2
+    while candidate.exists():
+        candidate, number = out.with_name(f"{out.name}-{number}"), number + 1
+    writable_folder(candidate)
+    return candidate
 
 
 def draw_effect(seed: int) -> ActiveEffect:

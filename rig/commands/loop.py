@@ -11,6 +11,7 @@ from drivers.errors import ConfigError, Mistake
 from rig.config.dut import Dut, load_dut
 from rig.config.toml_file import parse_toml
 from rig.log.load import load_runs
+from rig.log.names import writable_folder
 from rig.log.run import Run
 from rig.loop.campaign import LoopOptions
 from rig.loop.model_file import load_model, write_model
@@ -47,10 +48,11 @@ class LoopFiles:
 
 def loop_command(paths: tuple[Path, ...], options: LoopCommand) -> None:
     """Trace, write the result, print the table."""
+    writable_folder(options.out)
     runs = load_runs(paths)
     base = load_model(options.base) if options.base is not None else None
     dut = load_dut(options.dut)[0] if options.dut is not None else base.dut if base is not None else dut_of(runs)
-    result = trace(runs, dut, LoopOptions(options.held_out, options.alpha, options.seed, base))
+    result = trace(runs, dut, LoopOptions(options.held_out, options.alpha, options.seed, base), on_stage=tell)
     files = write_loop(result, options.out)
     if options.as_json:
         emit(result.to_json())

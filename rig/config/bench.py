@@ -229,7 +229,15 @@ def _device_mistakes(role: str, device: Device) -> list[str]:
     ]
     if device.interface == "udp_multicast":
         mistakes.append(f"{role}.interface = 'udp_multicast': refused, it hears its own frames and loses others")
+    elif entry is not None and entry.cycle_frames and device.interface not in (SIMULATED, *_can_interfaces()):
+        mistakes.append(f"{role}.interface = '{device.interface}': no python-can interface of that name")
     return mistakes
+
+
+def _can_interfaces() -> frozenset[str]:
+    from can.interfaces import VALID_INTERFACES  # heavy, and only a bench file needs it
+
+    return frozenset(VALID_INTERFACES)
 
 
 def _cycle_frames(entry: DriverEntry | None) -> tuple[int, ...]:

@@ -9,15 +9,11 @@ from typing import Annotated, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from rig.config.toml_file import FileModel, parse_toml, read_text
+from rig.config.toml_file import FileModel, parse_toml, read_text, whole_number_is_a_number
 
-
-def _whole_number_is_a_number(value: object) -> object:
-    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
-
-
-Positive = Annotated[float, BeforeValidator(_whole_number_is_a_number), Field(gt=0)]
-Counts = Annotated[int, Field(ge=1, le=2**40)]
+Positive = Annotated[float, BeforeValidator(whole_number_is_a_number), Field(gt=0, le=1e9)]
+Ratio = Annotated[float, BeforeValidator(whole_number_is_a_number), Field(ge=1, le=1e6)]
+Counts = Annotated[int, Field(ge=1, le=2**31)]
 
 
 class Rotation(StrEnum):
@@ -30,7 +26,7 @@ class Rotation(StrEnum):
 class Gear(FileModel):
     """Harmonic drive: catalogue stiffnesses N*m/rad up to torques N*m, losses, and friction at both sides."""
 
-    ratio: Positive | None = None
+    ratio: Ratio | None = None
     rotation: Annotated[Rotation, Field(strict=False)] = Rotation.OPPOSED
     rated_torque: Positive | None = None
     K1: Positive | None = None

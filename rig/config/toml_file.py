@@ -12,6 +12,16 @@ MAX_BYTES = 1_000_000
 """A configuration is a page of text; anything larger is another file."""
 
 
+def whole_number_is_a_number(value: object) -> object:
+    """Let a whole number stand where a real one is meant; before validation."""
+    if not isinstance(value, int) or isinstance(value, bool):
+        return value
+    try:
+        return float(value)
+    except OverflowError:
+        raise ValueError("too large for a number") from None
+
+
 class FileModel(BaseModel):
     """Base of everything read from a file: frozen, no unknown keys, no numbers from text, no infinities."""
 
@@ -39,7 +49,7 @@ def parse_toml(text: str, model: type[Model], source: str) -> Model:
     """Give the model for a TOML text. Raises ConfigError naming `source` and every mistake with its path."""
     try:
         data = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # TOML errors are ValueErrors, as are numbers of 5000 digits
         raise ConfigError(source, [Mistake("TOML", "", str(error) or "nested too deeply")]) from error
     try:
         return model.model_validate(data)

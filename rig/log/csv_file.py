@@ -14,7 +14,7 @@ from pydantic import BeforeValidator, ConfigDict, Field
 
 from drivers.errors import DataError
 from drivers.signals import BY_NAME, INTEGER_SIGNALS, TIME
-from rig.config.toml_file import FileModel, parse_toml, read_text
+from rig.config.toml_file import FileModel, parse_toml, read_text, whole_number_is_a_number
 from rig.log.names import plain_name
 from rig.log.run import Floats, ProcedureName, Run
 from rig.log.text_table import MISSING, read_text_table
@@ -26,12 +26,8 @@ _UNFIT_FOR_HEADER = re.compile(r"[\[\]\r\n]")
 _ROWS_AT_ONCE = 10_000
 
 
-def _whole_number_is_a_number(value: object) -> object:
-    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
-
-
 Scalar = str | bool | int | float | datetime | date | time
-Angle = Annotated[float, BeforeValidator(_whole_number_is_a_number)]
+Angle = Annotated[float, BeforeValidator(whole_number_is_a_number)]
 
 
 class RunFacts(FileModel):

@@ -102,6 +102,8 @@ def _read_mat(path: Path, mapped: frozenset[str]) -> ForeignTable:
         NotImplementedError,
         MatReadError,
         zlib.error,
+        MemoryError,
+        UnboundLocalError,  # what the reader itself stumbles over in damaged files
     ) as error:
         raise DataError(str(path), f"the file is no readable MAT file: {error}") from error
     columns: dict[str, Floats] = {}

@@ -245,10 +245,14 @@ def _write_run(path: Path, run: Run, rows: NDArray[np.bool_], facts: Mapping[str
     further = {name: column[rows].tolist() for name, column in run.auxiliary.items()}
     # which signals there are is known only now, so their names cannot be checked as keywords
     sample: Callable[..., Sample] = Sample
-    for index, moment in enumerate(time.tolist()):
-        auxiliary = tuple((name, values[index]) for name, values in further.items())
-        measured = {name: values[index] for name, values in columns.items()}
-        writer.write(sample(time=moment, auxiliary=auxiliary, **measured))
+    try:
+        for index, moment in enumerate(time.tolist()):
+            auxiliary = tuple((name, values[index]) for name, values in further.items())
+            measured = {name: values[index] for name, values in columns.items()}
+            writer.write(sample(time=moment, auxiliary=auxiliary, **measured))
+    except BaseException:
+        path.unlink()  # a part of a recording must not stand under the name of the whole
+        raise
     writer.close({"result": "imported", "samples": str(len(time))})
 
 

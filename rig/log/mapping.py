@@ -26,7 +26,7 @@ from typing import Annotated, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from drivers.signals import AUXILIARY_PREFIX, BY_NAME, TIME
-from rig.config.toml_file import FileModel, parse_toml, read_text
+from rig.config.toml_file import FileModel, parse_toml, read_text, whole_number_is_a_number
 from rig.log.csv_file import RunFacts
 from rig.log.names import plain_name
 from rig.log.units import find_unit, spellings
@@ -34,11 +34,7 @@ from rig.log.units import find_unit, spellings
 MAX_BLOCKS = 1000
 
 
-def _whole_number_is_a_number(value: object) -> object:
-    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
-
-
-Number = Annotated[float, BeforeValidator(_whole_number_is_a_number)]
+Number = Annotated[float, BeforeValidator(whole_number_is_a_number)]
 
 
 class SignalMap(FileModel):

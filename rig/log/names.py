@@ -2,6 +2,9 @@
 
 import re
 from collections.abc import Iterable
+from pathlib import Path
+
+from drivers.errors import ConfigError, Mistake
 
 _MAX_LENGTH = 80
 _RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
@@ -22,3 +25,14 @@ def plain_name(text: str, taken: Iterable[str] = ()) -> str:
     while free in used:
         free, count = f"{name}_{count}", count + 1
     return free
+
+
+def writable_folder(folder: Path) -> None:
+    """Make the folder if it is not there. Raises ConfigError if that cannot be."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        reason = f"cannot be made: {error.strerror or error}"
+        raise ConfigError(
+            "-o", [Mistake("-o", str(folder)[:80], reason)], hint="Choose another folder with -o."
+        ) from error

@@ -49,6 +49,8 @@ def recover(path: Path, out: Path | None = None) -> RecoverReport:
     content = LogContent(path)
     messages: list[tuple[Channel, bytes, int]] = []
     read_content(content, lambda channel, records, stride: messages.append((channel, records, stride)))
+    if not messages:
+        raise DataError(str(path), "nothing is readable: no message was found", expected="at least one whole chunk")
     try:
         with target.open("xb") as handle:
             file = McapFile(handle, profile="rig", library="harmonic-rig recover")

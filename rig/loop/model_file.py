@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, field_validator
 
 from drivers.errors import ConfigError, Mistake
 from rig.config.dut import Dut
@@ -43,6 +43,10 @@ class ModelEffect(FileModel):
     parameters: dict[str, ModelEstimate]
 
 
+POSITIVE = frozenset({"K_F0", "C_F", "K_w0", "C_w", "T_fs", "T_fb"})
+"""Parameters that no drive has at zero or below; above 1e9 in SI none of them means anything either."""
+
+
 class ModelBase(FileModel):
     """Base model by name, ratio (null: unknown) and parameters.
 
@@ -51,8 +55,20 @@ class ModelBase(FileModel):
     """
 
     model: Literal["zhang-2014"]
-    ratio: Whole | None
+    ratio: Annotated[Whole, Field(ge=1, le=1e6)] | None
     parameters: dict[str, ModelEstimate]
+
+    @field_validator("parameters")
+    @classmethod
+    def _possible(cls, parameters: dict[str, ModelEstimate]) -> dict[str, ModelEstimate]:
+        wrong = [
+            f"{name} = {estimate.value:g} {estimate.unit}: must be above 0 and at most 1e9"
+            for name, estimate in parameters.items()
+            if name in POSITIVE and not 0.0 < estimate.value <= 1e9
+        ]
+        if wrong:
+            raise ValueError("; ".join(wrong))
+        return parameters
 
 
 class Model(FileModel):
@@ -90,7 +106,7 @@ def load_model(path: Path) -> Model:
         raise ConfigError(str(path), [Mistake("file", f"{len(data)} bytes", f"at most {MAX_BYTES} bytes")])
     try:
         content = json.loads(data.decode("utf-8-sig"))
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # not UTF-8, no JSON, or a number of 5000 digits
         raise ConfigError(str(path), [Mistake("JSON", path.name, str(error) or "nested too deeply")]) from error
     try:
         return Model.model_validate(content)

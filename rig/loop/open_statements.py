@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from rig.config.dut import Dut
+from rig.log.run import ProcedureName
 from rig.loop.equations import Equation
 from rig.loop.evidence import Repeats, repeats
 from rig.loop.metrics import Residual
@@ -60,7 +61,7 @@ def _untraced(item: Repeats) -> Open:
         },
         next_experiment=NextExperiment(
             "See at which rates, amplitudes and angles the residual changes.",
-            f"rig run {item.procedure}",
+            f"rig run {item.procedure}" if item.procedure != ProcedureName.OTHER else "",
         ),
     )
 

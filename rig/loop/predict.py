@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.log.names import safe_name
+from rig.log.names import safe_name, writable_folder
 from rig.log.run import Run
 from rig.loop.checks import check_gear
 from rig.loop.equations import pieces_of, target_of
@@ -76,7 +76,7 @@ def predict_run(run: Run, model: ModelFile) -> tuple[Prediction, ...]:
 
 def write_predictions(runs: Sequence[Run], model: ModelFile, folder: Path) -> tuple[Path, ...]:
     """Write `<run>.csv` for every run; give the files. Raises DataError as `predict_run`."""
-    folder.mkdir(parents=True, exist_ok=True)
+    writable_folder(folder)
     written = []
     for run in runs:
         predictions = predict_run(run, model)

@@ -4,7 +4,7 @@ Training runs alone decide what is added, named, or withdrawn. Held-out runs are
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,8 +40,14 @@ VIEW_POINTS = 6000
 """Samples of a residual that a plot can show."""
 
 
-def trace(runs: Sequence[Run], dut: Dut, options: LoopOptions, clock: Clock | None = None) -> LoopResult:
-    """Trace what the base model lacks on a campaign of runs.
+def trace(
+    runs: Sequence[Run],
+    dut: Dut,
+    options: LoopOptions,
+    clock: Clock | None = None,
+    on_stage: Callable[[str], None] = lambda _: None,
+) -> LoopResult:
+    """Trace what the base model lacks on a campaign of runs; `on_stage` is told what is being done.
 
     Raises DataError where nothing can be held out or fitted, where the device file contradicts the data, or where
     the error after falls below the floor (a leak).
@@ -62,7 +68,9 @@ def trace(runs: Sequence[Run], dut: Dut, options: LoopOptions, clock: Clock | No
             expected="both positions and the ratio, or a torque or current with a position",
             hint="Check the channels in the log, and the ratio in the device file.",
         )
+    on_stage(f"fitting {len(campaign.train)} runs and searching what they leave ...")
     base, selection, fastest = _selected(pieces, start, options.alpha)
+    on_stage(f"{clock.now() - started:.0f} s: looking at the {len(campaign.held_out)} held-out runs")
     fastest = min(fastest, _known_speed(pieces, selection))
     final = selection.fit
     sides = {

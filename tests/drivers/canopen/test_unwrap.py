@@ -10,14 +10,20 @@ from drivers.canopen.unwrap import Unwrapper
 def test_a_path_of_plausible_steps_is_followed_over_any_number_of_wraps(
     span: int, start: int, data: st.DataObject
 ) -> None:
-    path = [start % span]
     unwrapper = Unwrapper(span)
     unwrapper.start(start % span)
+    path = [unwrapper.counts]
     for step in data.draw(st.lists(st.integers(-(span // 4), span // 4), max_size=30)):
         path.append(path[-1] + step)
         unwrapper.step(path[-1] % span)
         assert unwrapper.counts == path[-1]
         assert unwrapper.plausible
+
+
+def test_a_counter_that_starts_just_below_zero_is_read_as_just_below_zero() -> None:
+    unwrapper = Unwrapper(1000)
+    unwrapper.start(998)
+    assert unwrapper.counts == -2
 
 
 def test_a_step_of_more_than_a_quarter_range_is_called_implausible() -> None:
