@@ -3,7 +3,7 @@
 import json
 import math
 import secrets
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -57,7 +57,7 @@ def demo_command(seed: int | None, out: Path, as_json: bool) -> None:
     hidden = draw_effect(seed)
     tell("The simulated bench carries an effect that neither the logs nor the loop are told.")
     logs = out / "logs"
-    bench_seconds = _record(hidden, seed, logs)
+    bench_seconds = record((hidden,), seed, logs)
     recorded = clock.now()
     tell(f"Recorded {bench_seconds / 60:.1f} minutes of bench time in {recorded:.0f} s. Closing the loop ...")
     runs = load_runs([logs])
@@ -104,11 +104,11 @@ def draw_effect(seed: int) -> ActiveEffect:
     return ActiveEffect(effect, tuple(values))
 
 
-def _record(hidden: ActiveEffect, seed: int, logs: Path) -> float:
-    """Run all four procedures on the bench that carries the hidden effect; give the bench time, s."""
+def record(hidden: Sequence[ActiveEffect], seed: int, logs: Path) -> float:
+    """Run all four procedures on the bench that carries the hidden effects; give the bench time, s."""
     bench_file, bench_text = load_bench("sim")
     dut, dut_text = default_dut()
-    simulated = simulate(bench_file, dut, effects=(hidden,), seed=seed + 1)
+    simulated = simulate(bench_file, dut, effects=hidden, seed=seed + 1)
     jobs = tuple(
         Job(PROCEDURES[name], build_parameters(PROCEDURES[name], dict(settings))) for name, settings in SHORT.items()
     )

@@ -1,0 +1,41 @@
+"""From the procedure to the verdict on the simulated bench, with an effect that the loop is not told."""
+
+from pathlib import Path
+
+import pytest
+
+from rig.commands import demo
+from rig.commands.loop import dut_of
+from rig.log.load import load_runs
+from rig.loop.campaign import LoopOptions
+from rig.loop.result import LoopResult, Verdict
+from rig.loop.trace import trace
+from sim_backend.model.effects import CATALOGUE, ActiveEffect
+
+
+def traced(folder: Path, effects: tuple[ActiveEffect, ...]) -> LoopResult:
+    demo.record(effects, seed=71, logs=folder)
+    runs = load_runs([folder])
+    return trace(runs, dut_of(runs), LoopOptions())
+
+
+@pytest.mark.timeout(600)  # ten minutes of bench time
+def test_an_undeclared_kinematic_error_is_named_and_removed_down_to_the_floor(tmp_path):
+    hidden = ActiveEffect(CATALOGUE["kinematic-error"], (1e-4, 2.0, 0.7))
+    result = traced(tmp_path, (hidden,))
+    assert result.verdict is Verdict.NAMED
+    assert result.effects == ("kinematic-error",)
+    found = result.steps[0].parameters
+    assert found["order"].ci95[0] <= 2.0 <= found["order"].ci95[1]
+    # a tenth of a per cent is what the base model's own uncertainty leaves; its interval is as wide
+    assert found["amplitude"].value == pytest.approx(1e-4, rel=2e-3)
+    torsion = result.equations["torsion"].held_out
+    assert torsion.rms_before > 10 * torsion.rms_after
+    assert torsion.floor_ci95[0] <= torsion.rms_after <= torsion.floor_ci95[1]
+
+
+@pytest.mark.timeout(600)  # ten minutes of bench time
+def test_without_an_effect_the_loop_says_none(tmp_path):
+    result = traced(tmp_path, ())
+    assert result.verdict is Verdict.NONE
+    assert result.effects == ()
