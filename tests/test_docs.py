@@ -1,4 +1,4 @@
-"""The documents: links lead somewhere, configuration examples are valid, examples in Python hold, nothing is left to fill."""
+"""The documents: links lead somewhere, file examples are valid, Python examples hold, nothing is left to fill."""
 
 import doctest
 import re
