@@ -54,15 +54,19 @@ def parse_toml(text: str, model: type[Model], source: str) -> Model:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        mistakes = [
-            Mistake(
-                ".".join(str(part) for part in item["loc"]) or "file",
-                _shown(item.get("input")),
-                item["msg"].removeprefix("Value error, "),
-            )
-            for item in error.errors(include_url=False)
-        ]
-        raise ConfigError(source, mistakes) from error
+        raise ConfigError(source, mistakes_of(error)) from error
+
+
+def mistakes_of(error: ValidationError) -> list[Mistake]:
+    """Give everything that a model found wrong, with its path and what stood there."""
+    return [
+        Mistake(
+            ".".join(str(part) for part in item["loc"]) or "file",
+            None if item["type"] == "missing" else _shown(item.get("input")),
+            item["msg"].removeprefix("Value error, "),
+        )
+        for item in error.errors(include_url=False)
+    ]
 
 
 def _shown(value: object) -> object:

@@ -8,7 +8,7 @@ from pydantic import Field, ValidationError, field_validator
 
 from drivers.errors import ConfigError, Mistake
 from rig.config.dut import Dut
-from rig.config.toml_file import FileModel
+from rig.config.toml_file import FileModel, mistakes_of
 
 MAX_BYTES = 5_000_000
 
@@ -111,8 +111,4 @@ def load_model(path: Path) -> Model:
     try:
         return Model.model_validate(content)
     except ValidationError as error:
-        mistakes = [
-            Mistake(".".join(str(part) for part in item["loc"]) or "file", item.get("input"), item["msg"])
-            for item in error.errors(include_url=False)
-        ]
-        raise ConfigError(str(path), mistakes, hint="Write it anew with `rig loop`.") from error
+        raise ConfigError(str(path), mistakes_of(error), hint="Write it anew with `rig loop`.") from error
