@@ -59,7 +59,7 @@ def run_command(names: tuple[str, ...], options: RunOptions, dry_run: bool) -> N
     model = load_model(options.model) if options.model is not None else None
     if model is not None and not (bench_file.simulated or dry_run):
         raise ConfigError("--model", [Mistake("--model", str(options.model), "only the simulated bench runs a model")])
-    if options.dut is None and model is None and not bench_file.simulated:
+    if options.dut is None and model is None and not (bench_file.simulated or dry_run):
         raise ConfigError(
             "--dut",
             [Mistake("--dut", None, "missing; torques and speeds on a real bench are scaled by the device under test")],
@@ -162,6 +162,9 @@ def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Mode
                 [Mistake(error.signal, f"{error.value:.6g} {error.unit}", f"would break the limit: {error.message}")],
                 hint="Nothing was moved. Change the procedure's parameters, or the limit if the bench can bear it.",
             ) from error
+    assumed = simulated.assumed
+    if options.dut is None and model is None:
+        assumed = (f"device under test '{dut.name}' (no --dut given)", *assumed)
     duration = sum(record.outcome.duration for record in records)
     rows = [
         {
@@ -177,7 +180,7 @@ def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Mode
         for record in records
     ]
     if options.as_json:
-        emit({"dry_run": rows, "duration_s": duration, "assumed": list(simulated.assumed)})
+        emit({"dry_run": rows, "duration_s": duration, "assumed": list(assumed)})
         return
     table = Table(title="Dry run: nothing was moved", header_style="bold")
     for heading in ("run", "s", "phases", "largest, with its limit"):
@@ -188,7 +191,7 @@ def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Mode
         table.add_row(f"{record.procedure}-{record.name}", f"{record.outcome.duration:.1f}", told, extremes)
     Console().print(table)
     tell(f"{len(records)} runs, {duration / 60:.1f} minutes of bench time")
-    for line in simulated.assumed:
+    for line in assumed:
         tell(f"assumed: {line}")
 
 

@@ -119,6 +119,15 @@ def test_a_dry_run_refuses_what_would_break_a_limit_of_a_real_bench(tmp_path):
     assert "12" in answer.stderr
 
 
+def test_a_real_bench_does_not_move_without_a_device_under_test(tmp_path):
+    text = load_bench("sim")[1].replace('"simulated"\nchannel', '"socketcan"\nchannel')
+    bench = tmp_path / "bench.toml"
+    bench.write_text(text.replace('lock = "simulated"', 'lock = "operator"'))
+    answer = rig("run", "free-run", "--bench", bench, "--yes", "-o", tmp_path / "runs")
+    assert answer.exit_code == 2
+    assert "--dut" in answer.stderr
+
+
 def test_a_limit_hit_in_motion_ends_with_code_3_and_a_complete_log(tmp_path):
     bench = tmp_path / "bench.toml"
     # the setpoint stays below the limit, its measurement (0.2 mN*m rms of noise) does not
