@@ -27,7 +27,7 @@ def test_an_undeclared_kinematic_error_is_named_and_removed_down_to_the_floor(tm
     assert result.effects == ("kinematic-error",)
     found = result.steps[0].parameters
     assert found["order"].ci95[0] <= 2.0 <= found["order"].ci95[1]
-    # a tenth of a per cent is what the base model's own uncertainty leaves; its interval is as wide
+    # estimates of this campaign were seen 0.06 to 0.10 % high, at the edge of their interval: the bound is twice that
     assert found["amplitude"].value == pytest.approx(1e-4, rel=2e-3)
     torsion = result.equations["torsion"].held_out
     assert torsion.rms_before > 10 * torsion.rms_after
