@@ -1,8 +1,8 @@
-"""Is there anything left? What replicates share, and what other shapes the residual follows.
+"""Is there anything left? What replicates share; without replicates, whether the residual remembers.
 
 rho: correlation of the 0.5 s-smoothed residuals of a replicate pair. Noise has none, even coloured noise; missing
 physics repeats. Source of the thresholds: synthetic campaigns with 13 repeatable effects (rho > 0.8) and 4 kinds of
-noise (rho < 0.11).
+noise (rho < 0.11). Without a pair only a quiet dwell can tell coloured noise from structure.
 """
 
 import math
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from rig.config.dut import Dut
-from rig.loop.equations import Law, Piece
-from rig.loop.metrics import Residual, aligned, pairs, quantisation_square
+from rig.loop.equations import Law, Piece, target_of
+from rig.loop.metrics import Residual, aligned, dwell_of, pairs, quantisation_square
 
 Floats = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ class Repeats:
     @property
     def structured(self) -> bool:
         """Whether a repeatable part stands out of the noise."""
-        material = self.common > max((EXCESS**2 - 1.0) * self.own, self.allowance)
+        material = self.common > max((EXCESS**2 - 1.0) * self.own, EXCESS**2 * self.allowance)
         return self.rho > max(NOISE_RHO, self.least_rho) and material
 
 
@@ -87,6 +87,72 @@ def repeats(residuals: Sequence[Residual], dut: Dut, ratio: float | None) -> Rep
         allowance=_allowance(piece, dut, ratio),
         ljung_box=float(np.mean(boxes)),
     )
+
+
+REMEMBERS = 10.0
+"""Ljung-Box statistic per lag above which a residual without replicates is no white noise."""
+
+QUIETER = 1.5
+"""Times by which the slow part of a residual must exceed that of the dwells."""
+
+
+@dataclass(frozen=True, slots=True)
+class Memory:
+    """What runs without a replicate tell of one equation and procedure.
+
+    `slow`: rms of the residual's means over 0.5 s, and `dwell` the same of the quiet dwells (None: no dwell), both in
+    the equation's unit; `allowance`: rms of the slow part that noise without memory and counts leave; `ljung_box`:
+    statistic per lag at 10 Hz.
+    """
+
+    equation: str
+    procedure: str
+    runs: int
+    slow: float
+    dwell: float | None
+    allowance: float
+    ljung_box: float
+
+    @property
+    def structured(self) -> bool:
+        """Whether the residual remembers more than its dwells, or at all where there is no dwell."""
+        quiet = 0.0 if self.dwell is None else QUIETER * self.dwell
+        return self.ljung_box > REMEMBERS and self.slow > max(quiet, EXCESS * self.allowance)
+
+
+def memory(residuals: Sequence[Residual], dut: Dut, ratio: float | None) -> Memory | None:
+    """Judge the residuals of one equation and procedure that has no replicates; None without enough samples."""
+    long = [residual for residual in residuals if residual.values.size * residual.piece.track.period > 10 * SMOOTHING]
+    if not long:
+        return None
+    piece = long[0].piece
+    window = max(1, round(SMOOTHING / piece.track.period))
+    fast = float(np.mean([residual.fast**2 for residual in long]))
+    quiet = [means for item in long if (means := _dwell_means(item.piece, ratio)) is not None]
+    return Memory(
+        equation=piece.equation.value,
+        procedure=piece.track.procedure.value,
+        runs=len(long),
+        slow=math.sqrt(float(np.mean(np.concatenate([_means(r.values, r.piece) for r in long]) ** 2))),
+        dwell=math.sqrt(float(np.mean(np.concatenate(quiet) ** 2))) if quiet else None,
+        allowance=math.sqrt(fast / window + _allowance(piece, dut, ratio)),
+        ljung_box=float(np.mean([ljung_box(residual) for residual in long])),
+    )
+
+
+def _means(values: Floats, piece: Piece) -> Floats:
+    """Give the means of `values` over `SMOOTHING`."""
+    window = max(1, round(SMOOTHING / piece.track.period))
+    count = values.size // window
+    return np.asarray(values[: count * window].reshape(count, window).mean(axis=1))
+
+
+def _dwell_means(piece: Piece, ratio: float | None) -> Floats | None:
+    quiet = dwell_of(piece)
+    if quiet is None:
+        return None
+    values = target_of(piece, ratio)[quiet]
+    return _means(values - values.mean(), piece)
 
 
 def _allowance(piece: Piece, dut: Dut, ratio: float | None) -> float:

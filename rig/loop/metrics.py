@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.config.dut import Dut
-from rig.loop.equations import Equation, Piece
+from rig.loop.equations import Equation, Piece, target_of
 from rig.loop.model import Model, predict
 from rig.loop.result import Errors
 from rig.loop.tracks import SHARE_OF_A_TURN
@@ -197,10 +197,9 @@ def _computed(wanted: Sequence[Residual], dut: Dut, model: Model) -> Floor | Non
 
 def _instrument_square(residual: Residual, dut: Dut, model: Model) -> float | None:
     piece, track = residual.piece, residual.piece.track
-    quiet = _dwell(piece)
+    quiet = dwell_of(piece)
     if piece.equation is not Equation.TORSION:
-        target = _target(piece)
-        return None if quiet is None or target is None else float(np.var(target[quiet]))
+        return None if quiet is None else float(np.var(target_of(piece, model.ratio)[quiet]))
     square = quantisation_square(piece, dut, model.ratio)
     if square is None or model.ratio is None:
         return None
@@ -241,7 +240,7 @@ def _flexspline_softness(T: Floats, model: Model) -> Floats:
     return 1.0 / flexspline_stiffness(T, model.value("K_F0"), model.value("C_F"))
 
 
-def _dwell(piece: Piece) -> slice | None:
+def dwell_of(piece: Piece) -> slice | None:
     """Give the quiet samples before a run's first motion, None if there are too few."""
     track = piece.track
     angle = track.motor_position if track.motor_position is not None else track.output_position
@@ -256,13 +255,3 @@ def _dwell(piece: Piece) -> slice | None:
     end = int(places[0]) if places.size else angle.size
     end = round(0.8 * end)
     return slice(0, end) if end * track.period >= LEAST_DWELL else None
-
-
-def _target(piece: Piece) -> Floats | None:
-    match piece.equation:
-        case Equation.OUTPUT_TORQUE:
-            return piece.track.output_torque
-        case Equation.MOTOR_TORQUE:
-            return piece.track.motor_torque
-        case _:
-            return piece.track.motor_current

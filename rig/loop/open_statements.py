@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from rig.config.dut import Dut
 from rig.log.run import ProcedureName
 from rig.loop.equations import Equation
-from rig.loop.evidence import Repeats, repeats
+from rig.loop.evidence import Memory, Repeats, memory, repeats
 from rig.loop.metrics import Residual
 from rig.loop.parameters import flexspline_from_catalogue
 from rig.loop.report_steps import base_estimates
@@ -32,18 +32,47 @@ def open_statements(
     selection: Selection, residuals: Sequence[Residual], equations: Mapping[str, EquationResult], dut: Dut
 ) -> tuple[Open, ...]:
     """Give everything that stays open after the selection. `residuals`: after, of the training runs."""
-    found = [*_repeating(residuals, selection, dut), *_shapes(selection), *_worse(selection, equations)]
+    found = [*_left_over(residuals, selection, dut), *_shapes(selection), *_worse(selection, equations)]
     return (*found, *_absorbed(selection, dut))
 
 
-def _repeating(residuals: Sequence[Residual], selection: Selection, dut: Dut) -> list[Open]:
+def _left_over(residuals: Sequence[Residual], selection: Selection, dut: Dut) -> list[Open]:
     groups: dict[tuple[str, str], list[Residual]] = {}
     for residual in residuals:
         piece = residual.piece
         groups.setdefault((piece.equation.value, piece.track.procedure.value), []).append(residual)
     ratio = selection.fit.model.ratio
-    judged = [repeats(members, dut, ratio) for members in groups.values()]
-    return [_untraced(item) for item in judged if item is not None and item.structured]
+    found = []
+    for members in groups.values():
+        judged = repeats(members, dut, ratio)
+        if judged is not None:
+            found += [_untraced(judged)] if judged.structured else []
+            continue
+        alone = memory(members, dut, ratio)
+        if alone is not None and alone.structured:
+            found.append(_remembering(alone))
+    return found
+
+
+def _remembering(item: Memory) -> Open:
+    known = "coloured noise is not excluded" if item.dwell is None else "the dwells are quieter"
+    return Open(
+        verdict=Verdict.UNTRACED,
+        evidence={
+            "equation": item.equation,
+            "procedure": item.procedure,
+            "replicate_pairs": 0,
+            "rms_slow": item.slow,
+            "rms_slow_in_dwells": item.dwell,
+            "rms_slow_of_white_noise": item.allowance,
+            "ljung_box_per_lag": item.ljung_box,
+            "meaning": f"the residual has structure that no term explains; no run was repeated, and {known}",
+        },
+        next_experiment=NextExperiment(
+            "A run repeated under the same conditions tells whether this repeats or is noise.",
+            f"rig run {item.procedure} --repeat 2" if item.procedure != ProcedureName.OTHER else "",
+        ),
+    )
 
 
 def _untraced(item: Repeats) -> Open:
