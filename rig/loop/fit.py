@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 from scipy.stats import t as student
 
-from rig.loop.equations import Piece
+from rig.loop.equations import Law, Piece
 from rig.loop.model import Model, predict
 from rig.loop.normal import Columns, Kind, LinearPiece, Noise, Normal, linearise, noise_of, normal_of, solve
 from rig.loop.tracks import pick_rows
@@ -146,9 +146,35 @@ def covariance(state: Fit) -> Floats:
     middle = scores.T @ scores
     freedom = max(count - A.shape[0], 1)
     # the catalogue's scatter is part of what is not known
-    found = inverse @ (middle * (count / freedom) + np.diag(state.prior)) @ inverse
+    middle = middle * (count / freedom) + np.diag(state.prior) + _unsure_ripple(state)
+    found = inverse @ middle @ inverse
     widening = _between_conditions(state, inverse, np.diag(found))
     return np.asarray(found * np.outer(widening, widening))
+
+
+def _unsure_ripple(state: Fit) -> Floats:
+    """Give what the unsure ripple of the rotor adds to the scatter of the scores, shape (p, p).
+
+    The rotor takes up J_r (k w)^2 times its ripple at a line of order k; a ripple below one count is known to a few per
+    cent, and is wrong in the same way throughout a leg, so that no block of time tells.
+    """
+    size = state.columns.size
+    found = np.zeros((size, size))
+    inertia = abs(state.model.value("J_r"))
+    for item in state.linear:
+        track, rows = item.piece.track, item.piece.index
+        if item.piece.law is not Law.FREE_RUN or track.ripple is None or "J_r" not in item.evaluation.base:
+            continue
+        for number, line in enumerate(state.model.lines):
+            if line.kind.variable != "motor_position" or line.kind.entry.is_angle:
+                continue
+            pair = item.jacobian[:, state.columns.of_line(number)][:, :2]
+            for speed in np.unique(track.speed[rows]):
+                leg = track.speed[rows] == speed
+                error = inertia * (line.order * speed) ** 2 * float(track.ripple.noise[rows][leg].max())
+                scores = item.weight * error * item.jacobian[leg].T @ pair[leg]
+                found += scores @ scores.T
+    return found
 
 
 def _between_conditions(state: Fit, inverse: Floats, variance: Floats) -> Floats:

@@ -1,12 +1,14 @@
 """The model of one piece: base law and lines together, and how a further term would act on it.
 
     torsion        f(T - c_T) + g(M - c_M)/N + e                                               (28)
-                   + J_l (k w)^2 e / K_F0 when turning, for a line e of order k: the output's inertia
+                   + J_l (k w)^2 e (f' + g'/N^2) when turning, for a line e of order k: the output's inertia
     turning        f(T - c_T) + g((T - c_T)/N + sgn(w) (T_c - T_cr) + (b - b_r) w)/N + e
     backdrive      M = play((T - c_T)/N; T_fb/N) + c_M + M_0
-    free run       M = (T - c_T)/N + sgn(w) T_c + b w + c_M + M_0 + J_r a (a: speed ripple, as acceleration)
+    free run       M = (T - c_T)/N + sgn(w) T_c + b w + c_M + M_0 + J_r a + K_r p  (a, p: acceleration and position of
+                   the rotor's ripple; K_r: the springs behind it)
     locked output  T = play(N (M - c_M); N T_fs) + c_T + T_0
-    held still     M = M_0 + c_M;  motion at the output: T = sgn(w) T_co + b_o w + c_T + T_0
+    held still     M = M_0 + c_M
+    motion at the output without motor torque  T = sgn(w) T_co + b_o w + J_o a + c_T + T_0  (a: acceleration)
 
 c_T and c_M are what the terms add to the output and the motor balance, e what they add to the torsion. No regressor
 contains the channel it predicts: where the angle is the target itself (torsion of a run that does not turn), the
@@ -223,11 +225,25 @@ def _predicted_positions(track: Track, torsion: Floats, N: float) -> dict[str, F
     if motor is None or output is None:
         raise ValueError("torsion needs both positions")
     held = track.procedure is ProcedureName.BACKDRIVE
-    wound = np.zeros(track.size) if held else N * (torsion - float(torsion.mean()))
+    yielding = np.zeros(track.size) if held else _yield_of_lock(track, output)
+    wound = np.zeros(track.size) if held else N * (torsion - float(torsion.mean()) - yielding)
     return {
         "motor_position": float(motor.mean()) + wound,
-        "output_position": np.full(track.size, float(output.mean())),
+        "output_position": float(output.mean()) + yielding,
     }
+
+
+def _yield_of_lock(track: Track, output: Floats) -> Floats:
+    """Give how far the lock lets the output go (rad, shape (n,)), as the part of its angle that follows the torque.
+
+    A lock that gives way by a twentieth of the torsion makes the motor travel that much further. Only the torque enters
+    it: the measured angle is part of the target.
+    """
+    if track.T is None:
+        return np.zeros(track.size)
+    torque = track.T - float(track.T.mean())
+    power = float(torque @ torque)
+    return torque * (float(torque @ output) / power if power > 0.0 else 0.0)
 
 
 def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Evaluation:
@@ -241,10 +257,6 @@ def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Eva
     base: dict[str, Floats] = {}
     if track.T is not None or np.any(additions.load):
         base = {"K_F0": -flexspline / K_F0, "C_F": (T * compliance - flexspline) / C_F}
-    if track.moves and model.lines:
-        swing = _swing(track, model, positions) / K_F0
-        value = value + model.value("J_l") * swing
-        base["J_l"] = swing
     motor_route, load_weight = None, -compliance
     if track.M is not None:
         sign = np.sign(track.speed)
@@ -264,6 +276,10 @@ def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Eva
             load_weight = load_weight - softness / N
         else:
             motor_route = Route(-softness)
+    if track.moves and model.lines:
+        swing = -load_weight * _swing(track, model, positions)
+        value = value + model.value("J_l") * swing
+        base["J_l"] = swing
     return Evaluation(
         value, base, True, motor_route, Route(load_weight), positions, T, track.direction, _everywhere(track)
     )
@@ -272,7 +288,7 @@ def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Eva
 def _swing(track: Track, model: Model, positions: dict[str, Floats]) -> Floats:
     """Give what an angle error adds to the output's acceleration, with the sign turned, rad/s^2.
 
-    An inertia at the output does not follow an error that turns fast: the flexspline takes up the difference, the
+    An inertia at the output does not follow an error that turns fast: the springs take up the difference, the
     flexible part of the error, which grows with the square of the speed (Castejon et al. 2009, section 4).
     """
     total = np.zeros(track.size)
@@ -292,9 +308,10 @@ def _backdrive(track: Track, model: Model) -> Evaluation:
     N = _ratio(model)
     positions = _positions(track, N)
     additions = _additions(track, model, positions)
-    T = (np.zeros(track.size) if track.play_load is None else track.play_load) - additions.load
+    T = _load(track) - additions.load
     ones = np.ones(track.size)
-    path = play_path(T / N, model.value("T_fb") / N)
+    play_load = np.zeros(track.size * track.fine) if track.play_load is None else track.play_load
+    path = play_path((play_load - np.repeat(additions.load, track.fine)) / N, model.value("T_fb") / N, track.fine)
     value = path.output + additions.motor(T, track.direction) + model.value("M_0")
     base = {"T_fb": -path.side / N, "M_0": ones}
     carried = Route(np.where(path.slip >= 0, -1.0 / N, 0.0), np.maximum(path.slip, 0))
@@ -307,11 +324,13 @@ def _locked(track: Track, model: Model) -> Evaluation:
     N = _ratio(model)
     positions = _positions(track, N)
     additions = _additions(track, model, positions)
-    M = np.zeros(track.size) if track.play_drive is None else track.play_drive
+    drive = np.zeros(track.size * track.fine) if track.play_drive is None else track.play_drive
     radius = N * model.value("T_fs")
-    stand_in = play_path(N * M, radius).output
-    path = play_path(N * (M - additions.motor(stand_in, track.direction)), radius) if model.lines else None
-    path = path or play_path(N * M, radius)
+    path = play_path(N * drive, radius, track.fine)
+    stand_in = path.output
+    if model.lines:
+        reaction = np.repeat(additions.motor(stand_in, track.direction), track.fine)
+        path = play_path(N * (drive - reaction), radius, track.fine)
     ones = np.ones(track.size)
     value = path.output + additions.load + model.value("T_0")
     base = {"T_fs": -N * path.side, "T_0": ones}
@@ -334,11 +353,11 @@ def _motor(piece: Piece, model: Model) -> Evaluation:
         sign = np.sign(track.speed)
         value = value + sign * model.value(coulomb) + track.speed * model.value(viscous)
         base[coulomb], base[viscous] = sign, track.speed
-        if track.ripple is not None and not current and np.any(track.ripple):
-            value = value + model.value("J_r") * track.ripple
+        if track.ripple is not None and not current and np.any(track.ripple.position):
+            value = value + model.value("J_r") * track.ripple.acceleration + model.value("K_r") * track.ripple.position
             # as long as no term stands for the disturbance, the rotor's answer to it would be taken for it
             if any(line.kind.entry in (Entry.MOTOR, Entry.MOTOR_AGAINST_MOTION) for line in model.lines):
-                base["J_r"] = track.ripple
+                base |= {"J_r": track.ripple.acceleration, "K_r": track.ripple.position}
         if model.ratio is not None and not current:
             value = value + T / model.ratio
             load = Route(-ones / model.ratio)
@@ -349,7 +368,8 @@ def _output(track: Track, model: Model) -> Evaluation:
     positions = _positions(track, model.ratio)
     additions = _additions(track, model, positions)
     sign, ones = np.sign(track.speed), np.ones(track.size)
-    value = additions.load + sign * model.value("T_co") + track.speed * model.value("b_o") + model.value("T_0")
-    base = {"T_co": sign, "b_o": track.speed, "T_0": ones}
+    friction = sign * model.value("T_co") + track.speed * model.value("b_o")
+    value = additions.load + friction + track.acceleration * model.value("J_o") + model.value("T_0")
+    base = {"T_co": sign, "b_o": track.speed, "J_o": track.acceleration, "T_0": ones}
     nothing = np.zeros(track.size)
     return Evaluation(value, base, False, None, Route(ones), positions, nothing, track.direction, _everywhere(track))

@@ -93,11 +93,13 @@ def parameter_table(dut: Dut, ratio: float | None) -> ParameterTable:
             BaseParameter("M_0", "N*m", 0.0, 1e3 * T_fs, False),
             BaseParameter("J_l", "kg*m^2", dut.output.inertia or 0.0, 1e-2, False),
             BaseParameter("J_r", "kg*m^2", dut.motor.inertia or 0.0, 0.5 * (dut.motor.inertia or 1e-3), False),
+            BaseParameter("K_r", "N*m/rad", 0.0, 2.0 * T_fs / (N * loss) * math.e, False),
             BaseParameter("i_c", "A", 0.0, 1e3, False),
             BaseParameter("i_v", "A*s", 0.0, 1e3, False),
             BaseParameter("i_0", "A", 0.0, 1e3, False),
             BaseParameter("T_co", "N*m", 0.0, 1e3 * rated, False),
             BaseParameter("b_o", "N*m*s", 0.0, 1e3 * rated, False),
+            BaseParameter("J_o", "kg*m^2", 0.0, 1e3 * rated, False),
             BaseParameter("T_0", "N*m", 0.0, 1e3 * rated, False),
         )
     )

@@ -21,7 +21,7 @@ AT_THE_WALL = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class PlayPath:
-    """Output of a play of +-`radius`, shape (n,).
+    """Output of a play of +-`radius`, shape (n,), one value for every `fine` inputs.
 
     `slip`: index of the last sample at which the play slipped, -1 before the first; an output follows a change of
     its input only through that sample. `side`: +1 where it slipped with a rising input, -1 with a falling one, 0
@@ -36,8 +36,12 @@ class PlayPath:
     sliding: NDArray[np.bool_]
 
 
-def play_path(inputs: Floats, radius: float) -> PlayPath:
-    """Follow `inputs` (n,) from the equilibrium of a drive that was at rest without torque before."""
+def play_path(inputs: Floats, radius: float, fine: int = 1) -> PlayPath:
+    """Follow `inputs` (n * fine,) from the equilibrium of a drive that was at rest without torque before.
+
+    A play remembers the peaks of its input, so that it is followed sample by sample; only then are `fine` samples
+    joined to one, by their mean.
+    """
     output = play(inputs, radius)
     first = float(inputs[0])
     spread = play(inputs, radius, start=first + radius) - play(inputs, radius, start=first - radius)
@@ -45,7 +49,17 @@ def play_path(inputs: Floats, radius: float) -> PlayPath:
     slips = np.abs(away) >= radius * (1.0 - AT_THE_WALL)
     slip = np.maximum.accumulate(np.where(slips, np.arange(inputs.size), -1))
     side = np.where(slip >= 0, np.sign(away[np.maximum(slip, 0)]), 0.0)
-    return PlayPath(output, slip, side, spread <= AT_THE_WALL * radius, _sliding(away, output, radius))
+    settled, sliding = spread <= AT_THE_WALL * radius, _sliding(away, output, radius)
+    if fine == 1:
+        return PlayPath(output, slip, side, settled, sliding)
+    groups = (-1, fine)
+    return PlayPath(
+        output.reshape(groups).mean(axis=1),
+        slip[fine - 1 :: fine] // fine,  # -1 stays -1
+        side.reshape(groups).mean(axis=1),
+        np.asarray(settled.reshape(groups).all(axis=1)),
+        np.asarray(sliding.reshape(groups).all(axis=1)),
+    )
 
 
 def _sliding(away: Floats, output: Floats, radius: float) -> NDArray[np.bool_]:

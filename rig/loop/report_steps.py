@@ -80,21 +80,23 @@ def primary_equation(decision: Decision, final: Fit) -> Equation:
 
 
 def _index_error(final: Fit, line: Line, dut: Dut) -> tuple[float, float]:
-    """Give what finding each run's zero to one count only does to a line.
+    """Give what an angle known to one count only does to a line: standard deviations of phase (rad) and order (1/rev).
 
-    Standard deviation of the phase (rad), and the spread of the angle (rad) over which it tilts the order.
+    Where in its count a shaft stands is unknown and common to all runs; in which count a run's zero was found is not,
+    and tilts the order over the spread of the angles.
     """
     counts = dut.motor.encoder_counts if line.kind.variable == "motor_position" else dut.output.encoder_counts
     angles = {item.piece.track.name: item.evaluation.positions.get(line.kind.variable) for item in final.linear}
     known = [angle for angle in angles.values() if angle is not None]
     if counts is None or not known:
-        return 0.0, 1.0
+        return 0.0, 0.0
     spread = max(float(np.std(np.concatenate(known))), 1e-9)
-    return line.order * 2.0 * math.pi / counts / math.sqrt(12.0 * len(known)), spread
+    count = line.order * 2.0 * math.pi / counts / math.sqrt(12.0)
+    return count, count / math.sqrt(len(known)) / spread
 
 
 def line_estimates(
-    line: Line, shown: Line, columns: Floats, factor: float, unit: str, index_error: float, spread: float
+    line: Line, shown: Line, columns: Floats, factor: float, unit: str, phase_error: float, order_error: float
 ) -> dict[str, Estimate]:
     """Give amplitude, order (unless fixed) and phase with intervals from the covariance (2, 2) or (3, 3)."""
     size = max(line.amplitude, 1e-300)
@@ -103,11 +105,11 @@ def line_estimates(
     by_amplitude[:2] = line.sine / size, line.cosine / size
     by_phase[:2] = -line.cosine / size**2, line.sine / size**2
     half = factor * math.sqrt(max(float(by_amplitude @ columns @ by_amplitude), 0.0))
-    turn = factor * math.sqrt(max(float(by_phase @ columns @ by_phase), 0.0) + index_error**2)
+    turn = factor * math.sqrt(max(float(by_phase @ columns @ by_phase), 0.0) + phase_error**2)
     phase = wrapped(shown.phase)
     found = {"amplitude": Estimate(line.amplitude, (line.amplitude - half, line.amplitude + half), unit)}
     if columns.shape[0] == 3:
-        wide = factor * math.sqrt(max(float(columns[2, 2]), 0.0) + (index_error / spread) ** 2)
+        wide = factor * math.sqrt(max(float(columns[2, 2]), 0.0) + order_error**2)
         found["order"] = Estimate(line.order, (line.order - wide, line.order + wide), "1/rev")
     found["phase"] = Estimate(phase, (phase - turn, phase + turn), "rad")
     return found

@@ -15,7 +15,7 @@ from scipy.ndimage import uniform_filter1d
 
 from rig.config.dut import Dut, Rotation
 from rig.log.run import ProcedureName, Run
-from rig.loop.ripple import speed_ripple
+from rig.loop.ripple import Ripple, speed_ripple
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -60,11 +60,12 @@ class Track:
     """One run at one resolution. Arrays of shape (n,), None where not recorded.
 
     `motor_position`, `output_position` rad; `T` and `M`: output and motor torque (N*m) as inputs of the springs,
-    smoothed; `play_load`, `play_drive` as inputs of a play, smoothed more; `output_torque`, `motor_torque` as recorded,
-    `motor_current` (A) where it cannot be turned into a torque. `ripple`: acceleration (rad/s^2) of the
-    speed ripple of a free run. `speed`: rad/s of the leg at the motor (at the output if only that is known), 0
-    outside legs. `direction`: sign of the smoothed speed. `usable`: neither missing nor saturated; `steady`: inside
-    a leg. `moves`: the run turns, so that its measured angle is far larger than any torsion.
+    smoothed; `play_load`, `play_drive` (n * fine,) as inputs of a play, smoothed more and never thinned;
+    `output_torque`, `motor_torque` as recorded, `motor_current` (A) where it cannot be turned into a torque.
+    `ripple`: how the rotor of a free run moves about its constant speed. `speed`: rad/s of the leg at the motor (at
+    the output if only that is known), 0 outside legs; `acceleration`: rad/s^2 of the same shaft, smoothed;
+    `direction`: sign of the smoothed speed. `usable`: neither missing nor saturated; `steady`: inside a leg. `moves`:
+    the run turns, so that its measured angle is far larger than any torsion.
     """
 
     name: str
@@ -72,6 +73,7 @@ class Track:
     replicate: str | None
     time: Floats
     period: float
+    fine: int
     motor_position: Floats | None
     output_position: Floats | None
     T: Floats | None
@@ -81,7 +83,8 @@ class Track:
     output_torque: Floats | None
     motor_torque: Floats | None
     motor_current: Floats | None
-    ripple: Floats | None
+    ripple: Ripple | None
+    acceleration: Floats
     speed: Floats
     direction: Floats
     usable: Flags
@@ -136,6 +139,7 @@ def make_track(run: Run, dut: Dut) -> Track:
         replicate=run.replicate,
         time=run.time,
         period=period,
+        fine=1,
         motor_position=motor_position,
         output_position=output_position,
         T=_over_turns(output_torque, leg_speed, period) if moves else _smooth(output_torque, window),
@@ -146,6 +150,7 @@ def make_track(run: Run, dut: Dut) -> Track:
         motor_torque=motor_torque,
         motor_current=current,
         ripple=_ripple(run, motor_position, motor_torque, leg_speed),
+        acceleration=_smoothed_speed(run.time, speed, period) if speed.size > 2 else np.zeros(speed.size),
         speed=leg_speed,
         direction=np.sign(speed),
         usable=usable,
@@ -166,6 +171,9 @@ def thin_track(track: Track) -> Track:
     def mean(values: Floats | None) -> Floats | None:
         return None if values is None else values[: count * factor].reshape(count, factor).mean(axis=1)
 
+    def whole(values: Floats | None) -> Floats | None:
+        return None if values is None else values[: count * factor]
+
     def pick(values: Floats) -> Floats:
         return values[: count * factor].reshape(count, factor)[:, factor // 2]
 
@@ -174,15 +182,17 @@ def thin_track(track: Track) -> Track:
         track,
         time=np.asarray(mean(track.time)),
         period=track.period * factor,
+        fine=factor,
         motor_position=mean(track.motor_position),
         output_position=mean(track.output_position),
         T=mean(track.T),
         M=mean(track.M),
-        play_load=mean(track.play_load),
-        play_drive=mean(track.play_drive),
+        play_load=whole(track.play_load),
+        play_drive=whole(track.play_drive),
         output_torque=mean(track.output_torque),
         motor_torque=mean(track.motor_torque),
         motor_current=mean(track.motor_current),
+        acceleration=pick(track.acceleration),
         speed=pick(track.speed),
         direction=pick(track.direction),
         usable=usable,
@@ -209,6 +219,7 @@ def pick_rows(track: Track, rows: NDArray[np.intp]) -> Track:
         motor_torque=pick(track.motor_torque),
         motor_current=pick(track.motor_current),
         ripple=None if track.ripple is None else track.ripple[rows],
+        acceleration=track.acceleration[rows],
         speed=track.speed[rows],
         direction=track.direction[rows],
         usable=track.usable[rows],
@@ -216,7 +227,7 @@ def pick_rows(track: Track, rows: NDArray[np.intp]) -> Track:
     )
 
 
-def _ripple(run: Run, position: Floats | None, torque: Floats | None, leg_speed: Floats) -> Floats | None:
+def _ripple(run: Run, position: Floats | None, torque: Floats | None, leg_speed: Floats) -> Ripple | None:
     if run.procedure is not ProcedureName.FREE_RUN or position is None or torque is None:
         return None
     return speed_ripple(run.time, position, torque, leg_speed)
@@ -280,6 +291,7 @@ def _saturated(run: Run) -> Flags:
 
 
 def _smoothed_speed(time: Floats, angle: Floats, period: float) -> Floats:
+    """Give the derivative of `angle` over `SPEED_WINDOW`; of a speed it is the acceleration."""
     half = max(1, round(0.5 * SPEED_WINDOW / period))
     index = np.arange(time.size)
     low, high = np.maximum(index - half, 0), np.minimum(index + half, time.size - 1)
