@@ -8,8 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from drivers.errors import DataError
+from drivers.signals import BY_NAME
 from rig.config.dut import Dut
-from rig.log.run import ProcedureName
+from rig.log.run import ProcedureName, Run
 from rig.loop.tracks import Track
 
 RATIO_TOLERANCE = 0.01
@@ -20,6 +21,31 @@ LEAST_TRAVEL = 6.0
 
 WRONG_SIGN = -0.5
 """Correlation of torque and torsion below which a sign is wrong, not noisy."""
+
+
+LARGEST = {"rad": 1e8, "rad/s": 1e6, "N*m": 1e7, "A": 1e6, "degC": 1e5, "V": 1e6}
+"""Magnitudes by unit that no bench reaches; beyond them a unit or a column is wrong."""
+
+
+def check_magnitudes(runs: Sequence[Run]) -> None:
+    """Raise DataError for the first contract signal that is physically impossible."""
+    for run in runs:
+        for name, values in run.signals.items():
+            signal = BY_NAME.get(name)
+            bound = LARGEST.get(signal.unit) if signal is not None else None
+            if signal is None or bound is None:
+                continue
+            away = np.flatnonzero(np.abs(np.nan_to_num(values)) > bound)
+            if away.size:
+                raise DataError(
+                    str(run.file),
+                    f"{name} reaches {float(values[away[0]]):.6g} {signal.unit}, which no bench does",
+                    column=name,
+                    row=int(away[0]) + 1,
+                    value=float(values[away[0]]),
+                    expected=f"at most {bound:g} {signal.unit}",
+                    hint="Check the unit and the scale of the column, in the mapping or in the header.",
+                )
 
 
 def measured_slope(tracks: Sequence[Track]) -> float | None:

@@ -116,6 +116,8 @@ def _motor_law(track: Track, ratio: float | None) -> Law | None:
 def _output_law(track: Track, ratio: float | None) -> Law | None:
     if track.procedure is ProcedureName.LOCKED_OUTPUT:
         return Law.LOCKED if track.M is not None and ratio is not None else None
+    if track.procedure is ProcedureName.BACKDRIVE:
+        return None
     no_motor = track.motor_torque is None and track.motor_current is None
     moving = bool(track.steady.any()) and track.output_position is not None
     return Law.OUTPUT_MOTION if no_motor and moving else None

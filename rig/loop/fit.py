@@ -4,16 +4,13 @@ Levenberg-Marquardt on the summed normal matrices. Positive parameters are estim
 them without hard limits; the catalogue enters as a prior, in units of the information in the data.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
-from scipy.stats import t as student
 
-from rig.loop.equations import Law, Piece
+from rig.loop.equations import Piece
 from rig.loop.model import Model, predict
 from rig.loop.normal import Columns, Kind, LinearPiece, Noise, Normal, linearise, noise_of, normal_of, solve
 from rig.loop.tracks import pick_rows
@@ -31,9 +28,6 @@ CONVERGED = 0.01
 """Change of the weighted squares at which the fit stops: a tenth of a standard deviation of one parameter."""
 
 REWEIGHTINGS = 4
-INFORMS = 0.05
-"""Share of the best condition's information about a parameter that another must have to count for it."""
-
 STABLE = 0.03
 """Rounds of weighting at most, and the relative change of a noise at which they end."""
 
@@ -134,83 +128,6 @@ def with_noise(state: Fit, noise: dict[Kind, Noise]) -> Fit:
     return _state(pieces, state.model, state.columns, noise, state.block)
 
 
-def covariance(state: Fit) -> Floats:
-    """Sandwich covariance (p, p) of the estimates: blocks of time are independent, samples inside need not be."""
-    A = state.normal.A.sum(axis=0) + np.diag(state.prior)
-    count = 1 + max((int(item.blocks.max()) for item in state.linear), default=0)
-    scores = np.zeros((count, A.shape[0]))
-    inverse = solve(A, np.eye(A.shape[0]))
-    for item in state.linear:
-        moments = item.jacobian * item.residual[:, None] * item.weight
-        np.add.at(scores, item.blocks, item.block_sums(moments))
-    middle = scores.T @ scores
-    freedom = max(count - A.shape[0], 1)
-    # the catalogue's scatter is part of what is not known
-    middle = middle * (count / freedom) + np.diag(state.prior) + _unsure_ripple(state)
-    found = inverse @ middle @ inverse
-    widening = _between_conditions(state, inverse, np.diag(found))
-    return np.asarray(found * np.outer(widening, widening))
-
-
-def _unsure_ripple(state: Fit) -> Floats:
-    """Give what the unsure ripple of the rotor adds to the scatter of the scores, shape (p, p).
-
-    The rotor takes up J_r (k w)^2 times its ripple at a line of order k; a ripple below one count is known to a few per
-    cent, and is wrong in the same way throughout a leg, so that no block of time tells.
-    """
-    size = state.columns.size
-    found = np.zeros((size, size))
-    inertia = abs(state.model.value("J_r"))
-    for item in state.linear:
-        track, rows = item.piece.track, item.piece.index
-        if item.piece.law is not Law.FREE_RUN or track.ripple is None or "J_r" not in item.evaluation.base:
-            continue
-        for number, line in enumerate(state.model.lines):
-            if line.kind.variable != "motor_position" or line.kind.entry.is_angle:
-                continue
-            pair = item.jacobian[:, state.columns.of_line(number)][:, :2]
-            for speed in np.unique(track.speed[rows]):
-                leg = track.speed[rows] == speed
-                error = inertia * (line.order * speed) ** 2 * float(track.ripple.noise[rows][leg].max())
-                scores = item.weight * error * item.jacobian[leg].T @ pair[leg]
-                found += scores @ scores.T
-    return found
-
-
-def _between_conditions(state: Fit, inverse: Floats, variance: Floats) -> Floats:
-    """Give the factors (p,) by which estimates scatter more between conditions than blocks of time tell.
-
-    What the model lacks is often the same within a run and its replicates and another at the next speed or angle:
-    blocks then count one error many times. A factor is applied only where the excess is significant at 5 %.
-    """
-    conditions = sorted({_condition(item.piece) for item in state.linear})
-    scores = np.zeros((len(conditions), variance.size))
-    informed = np.zeros((len(conditions), variance.size))
-    for item in state.linear:
-        row = conditions.index(_condition(item.piece))
-        scores[row] += item.weight * (item.residual @ item.jacobian)
-        informed[row] += item.weight * (item.jacobian**2).sum(axis=0)
-    between = ((scores @ inverse) ** 2).sum(axis=0)
-    counts = (informed > INFORMS * informed.max(axis=0)).sum(axis=0)
-    factors = np.ones(variance.size)
-    for k in np.flatnonzero((counts >= 2) & (variance > 0)).tolist():
-        freedom = int(counts[k]) - 1
-        ratio = between[k] * counts[k] / (freedom * variance[k])
-        if ratio > chi2.ppf(0.95, freedom) / freedom:
-            factors[k] = math.sqrt(ratio) * student.ppf(0.975, freedom) / student.ppf(0.975, 1000)
-    return np.maximum(factors, 1.0)
-
-
-def _condition(piece: Piece) -> str:
-    return f"{piece.track.procedure} {piece.track.replicate or piece.track.name}"
-
-
-def quantile(state: Fit) -> float:
-    """Give the factor from standard deviation to 95 % half width, for the number of blocks at hand."""
-    count = 1 + max((int(item.blocks.max()) for item in state.linear), default=0)
-    return float(student.ppf(0.975, max(count - state.columns.size, 2)))
-
-
 def _columns(pieces: Sequence[Piece], model: Model) -> Columns:
     used: set[str] = set()
     for piece in pieces:
@@ -231,9 +148,9 @@ def _state(pieces: Sequence[Piece], model: Model, columns: Columns, noise: dict[
 
 def _deviation(model: Model) -> Floats:
     """Distance of the base values from the prior's centre, in the scale of the fit."""
-    start, logarithmic = model.table.start(), model.table.logarithmic()
+    centre, logarithmic = model.table.centre(), model.table.logarithmic()
     positive = np.where(logarithmic, model.values, 1.0)
-    return np.where(logarithmic, np.log(positive / np.where(logarithmic, start, 1.0)), model.values - start)
+    return np.where(logarithmic, np.log(positive / np.where(logarithmic, centre, 1.0)), model.values - centre)
 
 
 def _cost(state: Fit) -> float:

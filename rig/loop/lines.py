@@ -30,7 +30,11 @@ LEAST_CYCLES = 0.9
 
 HIGHEST_ORDER = 2000.0
 USUAL_HIGHEST_ORDER = 200.0
-"""Cycles per revolution searched at least, although a log may sample them less than twice: legs differ in speed."""
+"""Cycles per revolution searched at least where legs differ in speed, although a log may sample them less than twice:
+at one speed a line looks like any of its aliases, at several it does not."""
+
+OTHER_SPEED = 0.02
+"""Relative difference from which legs differ in speed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +79,8 @@ def scan(items: Sequence[LinearPiece], variable: str, *, against_motion: bool = 
     steps = np.concatenate([np.abs(np.diff(a)) for a in turning or angles])
     moving = steps[steps > 0]
     finest = float(np.percentile(moving, 25)) if moving.size else travel
-    highest = min(HIGHEST_ORDER, max(USUAL_HIGHEST_ORDER, 0.45 * 2.0 * np.pi / finest))
+    sampled = 0.45 * 2.0 * np.pi / finest
+    highest = min(HIGHEST_ORDER, sampled if _one_speed(items) else max(USUAL_HIGHEST_ORDER, sampled))
     width = max(2.0 * np.pi / (BINS_A_CYCLE * highest), travel / MOST_BINS)
     bins = np.minimum((angle - low) / width, MOST_BINS).astype(np.int64)
     summed = np.bincount(bins, weights=value)
@@ -85,6 +90,15 @@ def scan(items: Sequence[LinearPiece], variable: str, *, against_motion: bool = 
     resolution = 2.0 * np.pi / travel
     keep = (orders >= LEAST_CYCLES * resolution) & (orders <= highest)
     return Spectrum(orders[keep], power[keep], resolution, max(1.0, 2.0 * highest / resolution))
+
+
+def _one_speed(items: Sequence[LinearPiece]) -> bool:
+    """Whether all turning samples were taken at one speed."""
+    speeds = [np.abs(item.piece.track.speed[item.piece.index]) for item in items if item.piece.track.moves]
+    if not speeds:
+        return False
+    slowest, fastest = min(float(s.min()) for s in speeds), max(float(s.max()) for s in speeds)
+    return fastest <= (1.0 + OTHER_SPEED) * slowest
 
 
 def peaks(spectrum: Spectrum, count: int) -> tuple[Peak, ...]:

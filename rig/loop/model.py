@@ -2,11 +2,12 @@
 
     torsion        f(T - c_T) + g(M - c_M)/N + e                                               (28)
                    + J_l (k w)^2 e (f' + g'/N^2) when turning, for a line e of order k: the output's inertia
-    turning        f(T - c_T) + g((T - c_T)/N + sgn(w) (T_c - T_cr) + (b - b_r) w)/N + e
+    turning        f(T - c_T) + g((T - c_T)/N + sgn(w) (T_c - T_cr) + (b - b_r) w)/N + e;
+                   without motor torque f(T - c_T) + sgn(w) windup + e
     backdrive      M = play((T - c_T)/N; T_fb/N) + c_M + M_0
     free run       M = (T - c_T)/N + sgn(w) T_c + b w + c_M + M_0 + J_r a + K_r p  (a, p: acceleration and position of
                    the rotor's ripple; K_r: the springs behind it)
-    locked output  T = play(N (M - c_M); N T_fs) + c_T + T_0
+    locked output  T = play(N (M - c_M - J_r a); N T_fs) + c_T + T_0  (a: acceleration of the rotor on its springs)
     held still     M = M_0 + c_M
     motion at the output without motor torque  T = sgn(w) T_co + b_o w + J_o a + c_T + T_0  (a: acceleration)
 
@@ -276,6 +277,10 @@ def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Eva
             load_weight = load_weight - softness / N
         else:
             motor_route = Route(-softness)
+    elif track.moves:
+        sign = np.sign(track.speed)
+        value = value + model.value("windup") * sign
+        base["windup"] = sign
     if track.moves and model.lines:
         swing = -load_weight * _swing(track, model, positions)
         value = value + model.value("J_l") * swing
@@ -332,9 +337,12 @@ def _locked(track: Track, model: Model) -> Evaluation:
         reaction = np.repeat(additions.motor(stand_in, track.direction), track.fine)
         path = play_path(N * (drive - reaction), radius, track.fine)
     ones = np.ones(track.size)
-    value = path.output + additions.load + model.value("T_0")
-    base = {"T_fs": -N * path.side, "T_0": ones}
     carried = Route(np.where(path.slip >= 0, -N, 0.0), np.maximum(path.slip, 0))
+    inertial = _through(carried, track.acceleration, np.arange(track.size))
+    value = path.output + additions.load + model.value("T_0") + model.value("J_r") * inertial
+    base = {"T_fs": -N * path.side, "T_0": ones}
+    if np.any(track.acceleration):
+        base["J_r"] = inertial
     return Evaluation(value, base, False, carried, Route(ones), positions, stand_in, track.direction, path.settled)
 
 

@@ -107,6 +107,8 @@ class Normal:
 
 def solve(A: Floats, b: Floats) -> Floats:
     """Solve A x = b for a positive semi-definite A, scaled to unit diagonal; directions without information give 0."""
+    if not A.size:
+        return np.zeros_like(b)
     scale = np.sqrt(np.maximum(np.diag(A), 1e-300))
     values, vectors = np.linalg.eigh(A / np.outer(scale, scale))
     keep = values > 1e-11 * values[-1]

@@ -5,7 +5,7 @@ is reported as `untraced` with its evidence.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from rig.config.dut import Dut
 from rig.log.run import ProcedureName
@@ -14,7 +14,7 @@ from rig.loop.evidence import Memory, Repeats, memory, repeats
 from rig.loop.metrics import Residual
 from rig.loop.parameters import flexspline_from_catalogue
 from rig.loop.report_steps import base_estimates
-from rig.loop.result import EquationResult, NextExperiment, Open, Verdict
+from rig.loop.result import EquationResult, Json, NextExperiment, Open, Verdict
 from rig.loop.rivals import rivals_of_an_angle
 from rig.loop.select import LEAST_IMPROVED, Selection
 from rig.loop.trial import prepare
@@ -23,6 +23,9 @@ STIFFNESS_DEVIATION = 0.10
 """Relative deviation of K_F0 from the catalogue beyond which a quotient group is at work."""
 
 STIFFNESS_GROUP = ("fixture-compliance", "flexspline-compliance", "torque-constant-error", "torque-sensor-gain")
+
+ABOVE_FLOOR = 1.25
+"""Times the upper end of the floor's interval beyond which what is left is no longer noise."""
 
 LEAST_SHAPE_SHARE = 0.02
 """Share of the torsion's squares that a shape must explain to be evidence."""
@@ -33,6 +36,9 @@ def open_statements(
 ) -> tuple[Open, ...]:
     """Give everything that stays open after the selection. `residuals`: after, of the training runs."""
     found = [*_left_over(residuals, selection, dut), *_shapes(selection), *_worse(selection, equations)]
+    found += _above_floor(
+        equations, {(item.evidence.get("equation"), item.evidence.get("procedure")) for item in found}
+    )
     return (*found, *_absorbed(selection, dut))
 
 
@@ -116,7 +122,7 @@ def _shapes(selection: Selection) -> list[Open]:
             evidence={
                 "equation": "torsion",
                 "looks_like": near,
-                "share_of_squares": best.share,
+                "share_of_squares": float(best.share),
                 "p_value": best.single_p,
                 "meaning": "the residual follows a shape that is not added by this version",
             },
@@ -145,6 +151,28 @@ def _worse(selection: Selection, equations: Mapping[str, EquationResult]) -> lis
         )
         for name, found in worse.items()
     ]
+
+
+def _above_floor(equations: Mapping[str, EquationResult], known: Collection[tuple[Json, Json]]) -> list[Open]:
+    """Report what is left far above the floor where no other statement does; `known`: (equation, procedure) there."""
+    found = []
+    for name, item in equations.items():
+        for side, whole in (("training", item.train), ("held-out", item.held_out)):
+            for procedure, errors in whole.by_procedure.items() if whole is not None else ():
+                high = errors.floor_ci95[1] if errors.floor_ci95 is not None else math.inf
+                if errors.rms_after <= ABOVE_FLOOR * high or (name, procedure) in known:
+                    continue
+                known = {*known, (name, procedure)}
+                evidence: dict[str, Json] = {
+                    "equation": name,
+                    "procedure": procedure,
+                    "runs": side,
+                    "rms_after": errors.rms_after,
+                    "floor_high": high,
+                    "meaning": "what is left lies above the floor of the instruments, and no term explains it",
+                }
+                found.append(Open(verdict=Verdict.UNTRACED, evidence=evidence))
+    return found
 
 
 def _absorbed(selection: Selection, dut: Dut) -> list[Open]:

@@ -6,7 +6,7 @@ Catalogue figures are priors and starting values, never limits. Source of the es
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +18,17 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class BaseParameter:
-    """One base parameter: unit, start value, prior standard deviation (relative if `logarithmic`)."""
+    """One base parameter: unit, centre and standard deviation (relative if `logarithmic`) of its prior.
+
+    `start`: where the fit starts, None at the centre of the prior.
+    """
 
     name: str
     unit: str
-    start: float
+    centre: float
     spread: float
     logarithmic: bool
+    start: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +44,11 @@ class ParameterTable:
 
     def start(self) -> Floats:
         """Start values, SI, shape (p,)."""
-        return np.array([entry.start for entry in self.entries])
+        return np.array([entry.centre if entry.start is None else entry.start for entry in self.entries])
+
+    def centre(self) -> Floats:
+        """Centres of the priors, SI, shape (p,)."""
+        return np.array([entry.centre for entry in self.entries])
 
     def logarithmic(self) -> NDArray[np.bool_]:
         """Which are positive and estimated as logarithms, shape (p,)."""
@@ -50,14 +58,13 @@ class ParameterTable:
         """1/variance of the prior in the scale of the fit, shape (p,)."""
         return np.array([1.0 / entry.spread**2 for entry in self.entries])
 
+    def with_centre(self, values: Mapping[str, float]) -> "ParameterTable":
+        """Give the same table with other priors where `values` has them."""
+        return ParameterTable(tuple(replace(e, centre=values.get(e.name, e.centre)) for e in self.entries))
+
     def with_start(self, values: Mapping[str, float]) -> "ParameterTable":
         """Give the same table with other start values where `values` has them."""
-        return ParameterTable(
-            tuple(
-                BaseParameter(e.name, e.unit, values.get(e.name, e.start), e.spread, e.logarithmic)
-                for e in self.entries
-            )
-        )
+        return ParameterTable(tuple(replace(e, start=values.get(e.name, e.start)) for e in self.entries))
 
 
 TYPICAL_RATIO = 100.0
@@ -92,6 +99,7 @@ def parameter_table(dut: Dut, ratio: float | None) -> ParameterTable:
             BaseParameter("b", "N*m*s", 0.0, 1e3 * T_fs, False),
             BaseParameter("M_0", "N*m", 0.0, 1e3 * T_fs, False),
             BaseParameter("J_l", "kg*m^2", dut.output.inertia or 0.0, 1e-2, False),
+            BaseParameter("windup", "rad", 0.0, 1e-2, False),
             BaseParameter("J_r", "kg*m^2", dut.motor.inertia or 0.0, 0.5 * (dut.motor.inertia or 1e-3), False),
             BaseParameter("K_r", "N*m/rad", 0.0, 2.0 * T_fs / (N * loss) * math.e, False),
             BaseParameter("i_c", "A", 0.0, 1e3, False),

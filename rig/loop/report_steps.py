@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from rig.config.dut import Dut
 from rig.loop.equations import Equation
-from rig.loop.fit import Fit, covariance, quantile
+from rig.loop.fit import Fit
 from rig.loop.frames import turned, wrapped
+from rig.loop.intervals import covariance, quantile
 from rig.loop.model_file import Model, ModelBase, ModelEffect, ModelEstimate, ModelLine
 from rig.loop.result import Estimate, LineResult, NextExperiment, Shift, Step, Verdict
 from rig.loop.select import Decision

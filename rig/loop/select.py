@@ -97,6 +97,29 @@ class _Proposal:
     height: float = 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class _Candidate:
+    """A proposal with its order refined, how it fares, and among how many tests it was found."""
+
+    trial: Trial
+    proposal: _Proposal
+    tests: float
+
+    @property
+    def p_value(self) -> float:
+        return min(1.0, self.trial.single_p * self.tests)
+
+    def unadded(self, p_value: float, why: str) -> Unadded:
+        amplitude = float(np.hypot(*self.trial.amplitudes))
+        return Unadded(self.proposal.kind, self.proposal.order, amplitude, p_value, self.trial.share, why)
+
+
+@dataclass(frozen=True, slots=True)
+class _Accepted:
+    decision: Decision
+    fit: Fit
+
+
 def select(pieces: Sequence[Piece], base: Fit, alpha: float) -> Selection:
     """Add terms to the base fit until nothing more passes. `alpha`: family-wise false-alarm probability a round."""
     current = base
@@ -128,59 +151,87 @@ def _round(
     unadded: dict[tuple[str, int], Unadded],
 ) -> tuple[Decision, Fit] | None:
     """Give the best term that may be added, and the fit with it; None if there is none."""
+    candidates = _candidates(ground)
+    for candidate in candidates:
+        judged = _judge(pieces, ground, candidate, candidates, alpha, decisions)
+        if judged is None:
+            continue
+        if isinstance(judged, _Accepted):
+            return judged.decision, judged.fit
+        proposal = candidate.proposal
+        key = (proposal.kind.id, round(proposal.order / max(proposal.resolution, 1e-9)))
+        unadded[key] = judged
+    return None
+
+
+def _candidates(ground: Ground) -> list[_Candidate]:
+    """Give everything that the residual proposes, its order refined, best first."""
     proposals, free_tests, fixed_tests = _propose(ground)
     scored = sorted(((line_gain(ground, p.kind, p.order), p) for p in proposals), key=lambda pair: -pair[0])
-    refined: list[tuple[Trial, _Proposal]] = []
+    found: list[_Candidate] = []
     for rank, (gain, proposal) in enumerate(scored):
-        weak = rank >= 8 or (bool(refined) and gain < 0.3 * max(trial.gain for trial, _ in refined))
+        weak = rank >= 8 or (bool(found) and gain < 0.3 * max(candidate.trial.gain for candidate in found))
         if weak and proposal.height < STANDS_OUT:
             continue
-        order = proposal.kind.fixed_order
+        order, tests = proposal.kind.fixed_order, fixed_tests
         if order is None:
             gain_at = functools.partial(line_gain, ground, proposal.kind)
-            order = refine(gain_at, proposal.order, proposal.resolution)
-        refined.append((try_line(ground, proposal.kind, order), replace(proposal, order=order)))
-    refined.sort(key=lambda pair: -pair[0].gain)
-    for trial, proposal in refined:
-        tests = fixed_tests if proposal.kind.fixed_order is not None else free_tests
-        p_value = min(1.0, trial.single_p * tests)
-        if (p_value > alpha and trial.share < LARGE_SHARE) or _already_there(ground, proposal):
-            continue
-        known = any(d.kind == proposal.kind for d in decisions)
-        classes = {d.kind for d in decisions}
-        why = _objection(trial, room=known or len(classes) < MOST_CLASSES)
-        unclear = _unpaid(trial)
-        # a strong term bends the base so far that only a joint refit can tell whether it pays
-        if not why and (not unclear or trial.share >= LARGE_SHARE):
-            pick = _named(ground, trial, proposal, refined, p_value, tests)
-            why = "another shape explains more"
-            if pick is not None:
-                decision, chosen, amplitudes = pick
-                line = Line(chosen.kind, chosen.order, float(amplitudes[0]), float(amplitudes[1]))
-                lines = (*ground.fit.model.lines, line)
-                joint = refit(pieces, ground.fit, replace(ground.fit.model, lines=lines))
-                # what the term explains is not noise that remembers: blocks are as long as what it leaves asks for
-                again = try_line(prepare(with_noise(ground.fit, joint.noise)), chosen.kind, joint.model.lines[-1].order)
-                p_value = min(1.0, again.single_p * tests)
-                if p_value > alpha:
-                    continue
-                if unclear and not _pays_jointly(ground.fit, joint):
-                    why = unclear
-                elif not consistent(joint, len(lines) - 1):
-                    why = NOT_EVERYWHERE
-                elif _crowded(joint, proposal.resolution):
-                    why = "it cannot be told from a line that is there already"
-                else:
-                    return replace(decision, p_value=p_value), joint
-            elif p_value > alpha:
-                continue
-        elif p_value > alpha:
-            continue
-        why = why or unclear
-        key = (proposal.kind.id, round(proposal.order / max(proposal.resolution, 1e-9)))
-        amplitude = float(np.hypot(*trial.amplitudes))
-        unadded[key] = Unadded(proposal.kind, proposal.order, amplitude, p_value, trial.share, why)
-    return None
+            order, tests = refine(gain_at, proposal.order, proposal.resolution), free_tests
+        trial = try_line(ground, proposal.kind, order)
+        found.append(_Candidate(trial, replace(proposal, order=order), tests))
+    return sorted(found, key=lambda candidate: -candidate.trial.gain)
+
+
+def _judge(
+    pieces: Sequence[Piece],
+    ground: Ground,
+    candidate: _Candidate,
+    candidates: Sequence[_Candidate],
+    alpha: float,
+    decisions: Sequence[Decision],
+) -> _Accepted | Unadded | None:
+    """Accept a candidate, say why it is not added, or give None if it may be chance or is there already."""
+    trial, proposal = candidate.trial, candidate.proposal
+    significant, large = candidate.p_value <= alpha, trial.share >= LARGE_SHARE
+    if not (significant or large) or _already_there(ground, proposal):
+        return None
+    kinds = {decision.kind for decision in decisions}
+    why, unpaid = _objection(trial, room=proposal.kind in kinds or len(kinds) < MOST_CLASSES), _unpaid(trial)
+    # a strong term bends the base so far that only a joint refit can tell whether it pays
+    if why or (unpaid and not large):
+        return candidate.unadded(candidate.p_value, why or unpaid) if significant else None
+    pick = _named(ground, candidate, candidates)
+    if pick is None:
+        return candidate.unadded(candidate.p_value, "another shape explains more") if significant else None
+    decision, chosen = pick
+    sine, cosine = chosen.trial.amplitudes.tolist()
+    line = Line(chosen.proposal.kind, chosen.proposal.order, sine, cosine)
+    joint = refit(pieces, ground.fit, replace(ground.fit.model, lines=(*ground.fit.model.lines, line)))
+    p_value = _second_look(ground, joint, candidate)
+    if p_value > alpha:
+        return None
+    why = _joint_objection(ground, joint, unpaid, proposal.resolution)
+    return candidate.unadded(p_value, why) if why else _Accepted(replace(decision, p_value=p_value), joint)
+
+
+def _second_look(ground: Ground, joint: Fit, candidate: _Candidate) -> float:
+    """Give the p-value of the last line of `joint`, for two looks at it.
+
+    What a slow, strong line explains looks like noise that remembers: the second look takes blocks of time as long as
+    what the line leaves asks for.
+    """
+    line = joint.model.lines[-1]
+    again = try_line(prepare(with_noise(ground.fit, joint.noise)), line.kind, line.order)
+    return min(1.0, 2.0 * min(candidate.p_value, again.single_p * candidate.tests))
+
+
+def _joint_objection(ground: Ground, joint: Fit, unpaid: str, resolution: float) -> str:
+    """Say why the last line of a joint refit is not added; empty if it is."""
+    if unpaid and not _pays_jointly(ground.fit, joint):
+        return unpaid
+    if not consistent(joint, len(joint.model.lines) - 1):
+        return NOT_EVERYWHERE
+    return "it cannot be told from a line that is there already" if _crowded(joint, resolution) else ""
 
 
 def _objection(trial: Trial, *, room: bool) -> str:
@@ -194,9 +245,9 @@ def _objection(trial: Trial, *, room: bool) -> str:
 
 def _unpaid(trial: Trial) -> str:
     """Say that a line does not pay when runs are left out; empty if it does."""
-    if trial.improved < LEAST_IMPROVED or trial.pays <= 0.0:
+    if trial.improved < LEAST_IMPROVED:
         return f"it improves {100 * trial.improved:.0f} % of the runs when they are left out"
-    return ""
+    return "it makes the runs worse when they are left out, taken together" if trial.pays <= 0.0 else ""
 
 
 def _pays_jointly(before: Fit, joint: Fit) -> bool:
@@ -220,38 +271,34 @@ def _already_there(ground: Ground, proposal: _Proposal) -> bool:
     )
 
 
-def _named(
-    ground: Ground,
-    trial: Trial,
-    proposal: _Proposal,
-    refined: list[tuple[Trial, _Proposal]],
-    p_value: float,
-    tests: float,
-) -> tuple[Decision, _Proposal, np.ndarray] | None:
+def _named(ground: Ground, best: _Candidate, candidates: Sequence[_Candidate]) -> tuple[Decision, _Candidate] | None:
     """Choose the class and the verdict for the best line; None if another shape explains it better."""
-    peers = [(trial, proposal)] + [(t, p) for t, p in refined if p != proposal and _same_place(ground, p, proposal)]
-    best = max(t.gain for t, _ in peers)
-    named = [(t, p) for t, p in peers if p.kind.effect is not None and t.gain >= BEST_SHARE * best]
-    pick, chosen = max(named or peers, key=lambda pair: pair[0].gain)
-    rivals = rivals_of_an_angle(ground, chosen.order) if chosen.kind.entry.is_angle else ()
-    if any(rival.gain > pick.gain / BEST_SHARE for rival in rivals):
+    others = [c for c in candidates if c is not best and _same_place(ground, c.proposal, best.proposal)]
+    peers = [best, *others]
+    most = max(peer.trial.gain for peer in peers)
+    named = [c for c in peers if c.proposal.kind.effect is not None and c.trial.gain >= BEST_SHARE * most]
+    pick = max(named or peers, key=lambda candidate: candidate.trial.gain)
+    kind, order, gain = pick.proposal.kind, pick.proposal.order, pick.trial.gain
+    rivals = rivals_of_an_angle(ground, order) if kind.entry.is_angle else ()
+    if any(rival.gain > gain / BEST_SHARE for rival in rivals):
         return None
-    near = {t.label for t, p in peers if p.kind != chosen.kind and p.kind.effect and t.gain >= SET_SHARE * pick.gain}
-    near |= {rival.label for rival in rivals if rival.gain >= SET_SHARE * pick.gain}
-    near |= _against_motion(ground, pick, chosen)
-    if chosen.kind.effect in TWINS and abs(chosen.order - 1.0) < 0.5 * max(proposal.resolution, 0.01):
-        near.add(TWINS[chosen.kind.effect])
-    if chosen.kind.effect == "kinematic-error" and not _angles_cover(ground):
+    near = {
+        peer.trial.label
+        for peer in peers
+        if peer.proposal.kind != kind and peer.proposal.kind.effect and peer.trial.gain >= SET_SHARE * gain
+    }
+    near |= {rival.label for rival in rivals if rival.gain >= SET_SHARE * gain}
+    near |= _against_motion(ground, pick.trial, pick.proposal)
+    if kind.effect in TWINS and abs(order - 1.0) < 0.5 * max(best.proposal.resolution, 0.01):
+        near.add(TWINS[kind.effect])
+    if kind.effect == "kinematic-error" and not _angles_cover(ground):
         near |= set(SINGLE_ANGLE_SET)
-    candidates = [Candidate(pick.label, pick.gain, p_value)]
-    candidates += [Candidate(t.label, t.gain, min(1.0, t.single_p * tests)) for t, p in peers if p != chosen]
-    candidates += [Candidate(r.label, r.gain, min(1.0, r.single_p * tests)) for r in rivals]
-    if near:
-        verdict, members = Verdict.AMBIGUOUS, tuple(sorted(near | {chosen.kind.id}))
-    else:
-        verdict, members = (Verdict.NAMED if chosen.kind.effect else Verdict.UNNAMED), ()
-    ordered = tuple(sorted(candidates, key=lambda c: -c.gain))
-    return Decision(chosen.kind, verdict, members, ordered, p_value), chosen, pick.amplitudes
+    tried = [Candidate(peer.trial.label, peer.trial.gain, peer.p_value) for peer in peers]
+    tried += [Candidate(rival.label, rival.gain, min(1.0, rival.single_p * best.tests)) for rival in rivals]
+    ordered = tuple(sorted(tried, key=lambda candidate: -candidate.gain))
+    members = tuple(sorted(near | {kind.id})) if near else ()
+    verdict = Verdict.AMBIGUOUS if near else Verdict.NAMED if kind.effect else Verdict.UNNAMED
+    return Decision(kind, verdict, members, ordered, best.p_value), pick
 
 
 def _same_place(ground: Ground, one: _Proposal, other: _Proposal) -> bool:

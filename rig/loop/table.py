@@ -2,7 +2,7 @@
 
 from rich.table import Table
 
-from rig.loop.result import Errors, LoopResult
+from rig.loop.result import Errors, LoopResult, NextExperiment, Open, Step
 
 TITLES = ("equation", "unit", "before", "after", "floor", "floor 95 %", "max after")
 
@@ -39,22 +39,44 @@ def headline(result: LoopResult) -> str:
 
 
 def statements(result: LoopResult) -> list[str]:
-    """Give one line for every step, open statement and warning."""
+    """Give a few lines for every step and open statement, one for every warning."""
     lines = []
     for step in result.steps:
-        values = ", ".join(
-            f"{name} = {e.value:.6g}" + (f" ({e.ci95[0]:.6g} to {e.ci95[1]:.6g})" if e.ci95 else "") + f" {e.unit}"
-            for name, e in step.parameters.items()
-        )
-        lines.append(f"+ {step.effect} in {step.equation}: {values}; false-alarm probability {step.p_value:.1g}")
-        if step.next_experiment is not None:
-            lines.append(f"  next: {step.next_experiment.command} ({step.next_experiment.why})")
+        lines.append(f"+ {step.effect} in {step.equation}, false-alarm probability {step.p_value:.1g}")
+        lines += [f"    {text}" for text in _parameters(step)] + _next(step.next_experiment)
     for item in result.open:
-        evidence = ", ".join(f"{name} {_short(value)}" for name, value in item.evidence.items())
-        lines.append(f"? {item.verdict}: {' | '.join(item.group)} {evidence}".replace("  ", " "))
-        if item.next_experiment is not None:
-            lines.append(f"  next: {item.next_experiment.command} ({item.next_experiment.why})")
+        lines.append("? " + _statement(item))
+        lines += _next(item.next_experiment)
     return lines + [f"! {warning}" for warning in result.warnings]
+
+
+def _parameters(step: Step) -> list[str]:
+    """Give the parameters with their 95 % half widths, those of one line of a periodic term in one line of text."""
+    found: dict[str, list[str]] = {}
+    for name, estimate in step.parameters.items():
+        base, _, rank = name.rpartition("_")
+        key, shown = (rank, base) if rank.isdecimal() else ("", name)
+        half = "" if estimate.ci95 is None else f" +- {0.5 * (estimate.ci95[1] - estimate.ci95[0]):.2g}"
+        found.setdefault(key, []).append(f"{shown} {estimate.value:.7g}{half} {estimate.unit}".rstrip())
+    return [", ".join(texts) for texts in found.values()]
+
+
+def _statement(item: Open) -> str:
+    """Give verdict, place and meaning of an open statement, then its numbers."""
+    evidence = dict(item.evidence)
+    place = " in ".join(str(evidence.pop(key)) for key in ("equation", "procedure") if key in evidence)
+    what = place or " | ".join(item.group)
+    if item.parameter is not None and item.deviation is not None:
+        what = f"{item.parameter} is {100 * item.deviation:+.1f} % off its catalogue value, by {' | '.join(item.group)}"
+    meaning = evidence.pop("meaning", "")
+    numbers = ", ".join(f"{name} {_short(value)}" for name, value in evidence.items() if value is not None)
+    return f"{item.verdict}: {what}: {meaning} ({numbers})"
+
+
+def _next(experiment: NextExperiment | None) -> list[str]:
+    if experiment is None:
+        return []
+    return [f"    next: {experiment.why}" + (f" `{experiment.command}`" if experiment.command else "")]
 
 
 def rows_of(result: LoopResult) -> list[tuple[str, ...]]:
@@ -84,4 +106,6 @@ def _row(name: str, unit: str, errors: Errors) -> tuple[str, ...]:
 
 
 def _short(value: object) -> str:
+    if isinstance(value, list | tuple):
+        return " | ".join(map(str, value))
     return f"{value:.3g}" if isinstance(value, float) else str(value)

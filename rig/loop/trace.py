@@ -14,9 +14,9 @@ from drivers.errors import DataError
 from rig.config.dut import Dut
 from rig.log.run import ProcedureName, Run
 from rig.loop.campaign import LoopOptions, split_runs
-from rig.loop.checks import check_gear, check_signs
+from rig.loop.checks import check_gear, check_magnitudes, check_signs
 from rig.loop.equations import FEWEST_SAMPLES, Equation, Law, Piece, pieces_of
-from rig.loop.fit import Fit, fit, fit_stably, reweighted
+from rig.loop.fit import BLOCK, Fit, fit, fit_stably, reweighted
 from rig.loop.frames import turned
 from rig.loop.metrics import Floor, Residual, errors, floor_of, pooled, residual_of
 from rig.loop.model import Model, predict
@@ -26,6 +26,7 @@ from rig.loop.parameters import parameter_table
 from rig.loop.report_steps import model_of, steps_of
 from rig.loop.result import EquationResult, Errors, LoopResult, View
 from rig.loop.select import NOT_EVERYWHERE, Selection, select
+from rig.loop.starts import FACTOR, scaled_to_data
 from rig.loop.terms import Entry, Line, TermClass
 from rig.loop.tracks import Track, make_track, thin_track
 from rig.provenance import software_version
@@ -35,6 +36,11 @@ SAME_SPEED = 1.05
 
 KNOWN_SPEED = 1.5
 """Times the fastest fitted leg up to which a torque line is predicted."""
+
+MANY_BLOCKS = 200
+SHORTEST_BLOCK = 0.25
+"""Blocks of time that a short campaign is cut into, and their length (s) at least: with few blocks nothing is
+significant, however clear it is."""
 
 VIEW_POINTS = 6000
 """Samples of a residual that a plot can show."""
@@ -49,17 +55,18 @@ def trace(
 ) -> LoopResult:
     """Trace what the base model lacks on a campaign of runs; `on_stage` is told what is being done.
 
-    Raises DataError where nothing can be held out or fitted, where the device file contradicts the data, or where
-    the error after falls below the floor (a leak).
+    Raises DataError where nothing can be held out or fitted, where a signal is physically impossible, where the device
+    file contradicts the data, or where the error after falls below the floor (a leak).
     """
     clock = clock or RealClock()
     started = clock.now()
     campaign = split_runs(runs, options)
+    check_magnitudes(runs)
     train = [make_track(run, dut) for run in campaign.train]
     held_out = [make_track(run, dut) for run in campaign.held_out]
     ratio = check_gear(train, dut)
     check_signs([*train, *held_out], ratio)
-    start = start_model(dut, ratio, options.base)
+    start = scaled_to_data(start_model(dut, ratio, options.base), train)
     pieces = _settled([piece for track in train for piece in pieces_of(thin_track(track), ratio)], start)
     if not pieces:
         raise DataError(
@@ -86,7 +93,7 @@ def trace(
     }
     steps = steps_of(selection.decisions, final, base, dut, changes)
     entries = [decision.kind.entry for decision in selection.decisions]
-    warnings = (*campaign.warnings, *_remarks([*train, *held_out], runs, ratio, dut), *_unadded(selection))
+    warnings = (*campaign.warnings, *_remarks([*train, *held_out], runs, dut, final.model), *_unadded(selection))
     if math.isfinite(fastest):
         text = f"Motor torque of legs faster than {fastest:.4g} rad/s left out: how the drive follows lines is unknown."
         warnings = (*warnings, text)
@@ -108,7 +115,7 @@ def start_model(dut: Dut, ratio: float | None, base: ModelFile | None) -> Model:
     table = parameter_table(dut, ratio)
     lines: tuple[Line, ...] = ()
     if base is not None:
-        table = table.with_start({name: value.value for name, value in base.base.parameters.items()})
+        table = table.with_centre({name: value.value for name, value in base.base.parameters.items()})
         lines = lines_of(base, dut)
     return Model(table, table.start(), ratio, lines)
 
@@ -129,7 +136,9 @@ def lines_of(model: ModelFile, dut: Dut) -> tuple[Line, ...]:
 
 def fit_base(pieces: Sequence[Piece], start: Model) -> Fit:
     """Fit the base model, with the weights that its own residual calls for."""
-    rough = reweighted(fit(pieces, start, {}, passes=0))
+    seconds = {piece.track.name: float(np.ptp(piece.track.time)) for piece in pieces}
+    block = min(BLOCK, max(SHORTEST_BLOCK, sum(seconds.values()) / MANY_BLOCKS))
+    rough = reweighted(fit(pieces, start, {}, passes=0, block=block))
     return fit_stably(pieces, start, rough.noise, rough.block)
 
 
@@ -247,8 +256,22 @@ def _refuse_leaks(equations: dict[str, EquationResult], held_out: Sequence[Run])
             )
 
 
-def _remarks(tracks: Sequence[Track], runs: Sequence[Run], ratio: float | None, dut: Dut) -> list[str]:
-    """Say what was masked, left out, or could not be known."""
+def _far_from_catalogue(dut: Dut, model: Model) -> list[tuple[str, float, float]]:
+    """Give the friction levels of the device file that the fit contradicts by more than the starting values allow."""
+    given = {"T_fs": ("starting_torque", dut.gear.starting_torque)}
+    given["T_fb"] = ("backdriving_torque", dut.gear.backdriving_torque)
+    return [
+        (name, catalogue, model.value(parameter))
+        for parameter, (name, catalogue) in given.items()
+        if catalogue is not None
+        and model.value(parameter) != catalogue
+        and not 1.0 / FACTOR < catalogue / model.value(parameter) < FACTOR
+    ]
+
+
+def _remarks(tracks: Sequence[Track], runs: Sequence[Run], dut: Dut, model: Model) -> list[str]:
+    """Say what was masked, left out, or could not be known, and where the device file is off."""
+    ratio = model.ratio
     found = []
     saturated = {track.name: track.saturated for track in tracks if track.saturated}
     if saturated:
@@ -273,6 +296,11 @@ def _remarks(tracks: Sequence[Track], runs: Sequence[Run], ratio: float | None, 
         found.append(f"The device file gives no ratio; {ratio:.6g} was measured from both encoders.")
     if not any(run.replicate is not None for run in runs):
         found.append("No replicate runs: the floor is computed or unknown, and structure is judged by shape alone.")
+    for name, catalogue, measured in _far_from_catalogue(dut, model):
+        found.append(
+            f"The device file's {name} ({catalogue:.4g} N*m) is {catalogue / measured:.2g} times what these runs show, "
+            f"{measured:.4g} N*m."
+        )
     for run in runs:
         constant = sorted(
             name
@@ -294,11 +322,16 @@ _HELD = {ProcedureName.LOCKED_OUTPUT: "output_position", ProcedureName.BACKDRIVE
 
 
 def _unadded(selection: Selection) -> list[str]:
-    return [
-        f"Found, not added: {item.kind.id}, order {item.order:.6g} of {item.kind.variable}, amplitude "
-        f"{item.amplitude:.3g} {'rad' if item.kind.entry.is_angle else 'N*m or A'}: {item.why}."
-        for item in selection.unadded
-    ]
+    current = any(item.piece.equation is Equation.MOTOR_CURRENT for item in selection.fit.linear)
+    found = []
+    for item in selection.unadded:
+        entry = item.kind.entry
+        unit = "A" if current and entry.equation is Equation.MOTOR_TORQUE else entry.equation.unit
+        found.append(
+            f"Found, not added: {item.kind.id}, order {item.order:.6g} of {item.kind.variable}, amplitude "
+            f"{item.amplitude:.3g} {unit}: {item.why}."
+        )
+    return found
 
 
 def _views(pairs: Sequence[_BeforeAfter], selection: Selection) -> tuple[View, ...]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
+from scipy.signal import savgol_filter
 
 from rig.config.dut import Dut, Rotation
 from rig.log.run import ProcedureName, Run
@@ -42,6 +43,12 @@ SPEED_WINDOW = 0.1
 SHARE_OF_A_TURN = 0.125
 """Motor turns over which the output torque of a turning run is averaged: it keeps what repeats a few times a turn."""
 
+RINGING = 0.025
+"""s over which the acceleration of a shaft that does not turn is taken, by a quartic: flat up to some 40 Hz."""
+
+FEWEST_TO_BEND = 7
+"""Samples under such a quartic."""
+
 MIN_SIDE = 4
 """Samples on a side without which torques are left as they are."""
 
@@ -63,7 +70,7 @@ class Track:
     smoothed; `play_load`, `play_drive` (n * fine,) as inputs of a play, smoothed more and never thinned;
     `output_torque`, `motor_torque` as recorded, `motor_current` (A) where it cannot be turned into a torque.
     `ripple`: how the rotor of a free run moves about its constant speed. `speed`: rad/s of the leg at the motor (at
-    the output if only that is known), 0 outside legs; `acceleration`: rad/s^2 of the same shaft, smoothed;
+    the output if only that is known), 0 outside legs; `acceleration`: rad/s^2 of the same shaft;
     `direction`: sign of the smoothed speed. `usable`: neither missing nor saturated; `steady`: inside a leg. `moves`:
     the run turns, so that its measured angle is far larger than any torsion.
     """
@@ -150,7 +157,7 @@ def make_track(run: Run, dut: Dut) -> Track:
         motor_torque=motor_torque,
         motor_current=current,
         ripple=_ripple(run, motor_position, motor_torque, leg_speed),
-        acceleration=_smoothed_speed(run.time, speed, period) if speed.size > 2 else np.zeros(speed.size),
+        acceleration=_acceleration(run.time, angle, speed, period, moves=moves),
         speed=leg_speed,
         direction=np.sign(speed),
         usable=usable,
@@ -192,7 +199,7 @@ def thin_track(track: Track) -> Track:
         output_torque=mean(track.output_torque),
         motor_torque=mean(track.motor_torque),
         motor_current=mean(track.motor_current),
-        acceleration=pick(track.acceleration),
+        acceleration=np.asarray(mean(track.acceleration)),
         speed=pick(track.speed),
         direction=pick(track.direction),
         usable=usable,
@@ -296,6 +303,25 @@ def _smoothed_speed(time: Floats, angle: Floats, period: float) -> Floats:
     index = np.arange(time.size)
     low, high = np.maximum(index - half, 0), np.minimum(index + half, time.size - 1)
     return (angle[high] - angle[low]) / (time[high] - time[low])
+
+
+def _acceleration(time: Floats, angle: Floats | None, speed: Floats, period: float, *, moves: bool) -> Floats:
+    """Give the acceleration of a shaft, rad/s^2: of one that turns slow changes of speed, else what rings by itself.
+
+    A rotor on the springs behind it rings at some tens of Hz; a quartic over `RINGING` follows that. Zero where the
+    log is too slow for it, and beside gaps.
+    """
+    if angle is None or angle.size < 3:
+        return np.zeros(time.size)
+    if moves:
+        return _smoothed_speed(time, speed, period)
+    width = 2 * (round(RINGING / period) // 2) + 1
+    if not FEWEST_TO_BEND <= width <= angle.size:
+        return np.zeros(time.size)
+    found: Floats = savgol_filter(angle, width, 4, deriv=2, delta=period)
+    gap = np.abs(np.diff(time, prepend=time[0] - period) - period) > 0.5 * period
+    found[uniform_filter1d(gap.astype(float), 2 * width) > 0.0] = 0.0
+    return found
 
 
 def _legs(speed: Floats, period: float) -> Floats:

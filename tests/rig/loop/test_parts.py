@@ -32,6 +32,14 @@ def test_a_play_is_known_only_after_it_has_slipped_from_either_start() -> None:
     assert path.side[-1] == -1.0
 
 
+def test_a_thinned_play_keeps_the_peaks_that_its_input_had_in_between() -> None:
+    inputs = np.array([0.0, 1.0, 2.0, 3.0, 5.0, 3.0, 2.5, 2.4, 2.3])
+    path = play_path(inputs, 1.0, fine=3)
+    # sample by sample: 0 0 1 | 2 4 4 | 3.5 3.4 3.3
+    assert path.output == pytest.approx([1 / 3, 10 / 3, 3.4])
+    assert path.slip.tolist() == [0, 1, 2]
+
+
 @pytest.mark.parametrize("kind", periodic_effects(), ids=lambda kind: kind.id)
 def test_a_line_is_the_function_of_its_catalogue_effect(kind) -> None:
     effect = CATALOGUE[kind.effect]
