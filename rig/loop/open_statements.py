@@ -7,6 +7,8 @@ is reported as `untraced` with its evidence.
 import math
 from collections.abc import Collection, Mapping, Sequence
 
+import numpy as np
+
 from rig.config.dut import Dut
 from rig.log.run import ProcedureName
 from rig.loop.equations import Equation
@@ -27,29 +29,31 @@ STIFFNESS_GROUP = ("fixture-compliance", "flexspline-compliance", "torque-consta
 ABOVE_FLOOR = 1.25
 """Times the upper end of the floor's interval beyond which what is left is no longer noise."""
 
+OUTLIER = 5.0
+MEDIAN_TO_SIGMA = 1.4826
+"""Standard deviations beyond which a value is an outlier; the deviation of a normal variable over its median size."""
+
 LEAST_SHAPE_SHARE = 0.02
 """Share of the torsion's squares that a shape must explain to be evidence."""
 
 
 def open_statements(
-    selection: Selection, residuals: Sequence[Residual], equations: Mapping[str, EquationResult], dut: Dut
+    selection: Selection,
+    train: Sequence[Residual],
+    held_out: Sequence[Residual],
+    equations: Mapping[str, EquationResult],
+    dut: Dut,
 ) -> tuple[Open, ...]:
-    """Give everything that stays open after the selection. `residuals`: after, of the training runs."""
-    found = [*_left_over(residuals, selection, dut), *_shapes(selection), *_worse(selection, equations)]
-    found += _above_floor(
-        equations, {(item.evidence.get("equation"), item.evidence.get("procedure")) for item in found}
-    )
-    return (*found, *_absorbed(selection, dut))
+    """Give everything that stays open after the selection. `train`, `held_out`: residuals after, of all runs."""
+    found = [*_left_over(train, selection, dut), *_shapes(selection), *_worse(selection, equations)]
+    known = {(item.evidence.get("equation"), item.evidence.get("procedure")) for item in found}
+    return (*found, *_above_floor(held_out, equations, known), *_absorbed(selection, dut))
 
 
 def _left_over(residuals: Sequence[Residual], selection: Selection, dut: Dut) -> list[Open]:
-    groups: dict[tuple[str, str], list[Residual]] = {}
-    for residual in residuals:
-        piece = residual.piece
-        groups.setdefault((piece.equation.value, piece.track.procedure.value), []).append(residual)
     ratio = selection.fit.model.ratio
     found = []
-    for members in groups.values():
+    for members in _by_procedure(residuals).values():
         judged = repeats(members, dut, ratio)
         if judged is not None:
             found += [_untraced(judged)] if judged.structured else []
@@ -153,26 +157,45 @@ def _worse(selection: Selection, equations: Mapping[str, EquationResult]) -> lis
     ]
 
 
-def _above_floor(equations: Mapping[str, EquationResult], known: Collection[tuple[Json, Json]]) -> list[Open]:
-    """Report what is left far above the floor where no other statement does; `known`: (equation, procedure) there."""
+def _above_floor(
+    residuals: Sequence[Residual], equations: Mapping[str, EquationResult], known: Collection[tuple[Json, Json]]
+) -> list[Open]:
+    """Report what is left far above the floor where no other statement does; `known`: (equation, procedure) there.
+
+    Single outliers of a heavy-tailed noise are no structure: they count only as far as `OUTLIER`.
+    """
     found = []
-    for name, item in equations.items():
-        for side, whole in (("training", item.train), ("held-out", item.held_out)):
-            for procedure, errors in whole.by_procedure.items() if whole is not None else ():
-                high = errors.floor_ci95[1] if errors.floor_ci95 is not None else math.inf
-                if errors.rms_after <= ABOVE_FLOOR * high or (name, procedure) in known:
-                    continue
-                known = {*known, (name, procedure)}
-                evidence: dict[str, Json] = {
-                    "equation": name,
-                    "procedure": procedure,
-                    "runs": side,
-                    "rms_after": errors.rms_after,
-                    "floor_high": high,
-                    "meaning": "what is left lies above the floor of the instruments, and no term explains it",
-                }
-                found.append(Open(verdict=Verdict.UNTRACED, evidence=evidence))
+    for (name, procedure), members in _by_procedure(residuals).items():
+        whole = equations[name].held_out or equations[name].train
+        errors = whole.by_procedure.get(procedure) if whole is not None else None
+        if errors is None or errors.floor_ci95 is None or (name, procedure) in known:
+            continue
+        left, high = _without_outliers(members), errors.floor_ci95[1]
+        if left > ABOVE_FLOOR * high:
+            evidence: dict[str, Json] = {
+                "equation": name,
+                "procedure": procedure,
+                "rms_after": left,
+                "floor_high": high,
+                "meaning": "what is left lies above the floor of the instruments, and no term explains it",
+            }
+            found.append(Open(verdict=Verdict.UNTRACED, evidence=evidence))
     return found
+
+
+def _without_outliers(residuals: Sequence[Residual]) -> float:
+    """Give the rms of the residuals, each value counted up to `OUTLIER` times their typical size."""
+    values = np.abs(np.concatenate([residual.values for residual in residuals]))
+    bound = OUTLIER * MEDIAN_TO_SIGMA * float(np.median(values))
+    return float(np.sqrt(np.mean(np.minimum(values, bound) ** 2)))
+
+
+def _by_procedure(residuals: Sequence[Residual]) -> dict[tuple[str, str], list[Residual]]:
+    groups: dict[tuple[str, str], list[Residual]] = {}
+    for residual in residuals:
+        key = (residual.piece.equation.value, residual.piece.track.procedure.value)
+        groups.setdefault(key, []).append(residual)
+    return groups
 
 
 def _absorbed(selection: Selection, dut: Dut) -> list[Open]:

@@ -25,6 +25,9 @@ FEWEST_SAMPLES = 512
 STANDS_OUT = 5.0
 """Times the median amplitude of the spectrum above which a line counts; noise reaches it once in 3e7 bins."""
 
+RESOLVED = 4.0
+"""Times its own noise above which a line in the position counts as motion; noise reaches it once in 3000."""
+
 MOST_LINES = 8
 
 SLOWEST = 3
@@ -65,7 +68,7 @@ def speed_ripple(time: Floats, position: Floats, torque: Floats, leg_speed: Floa
 
 
 def _of_leg(time: Floats, position: Floats, torque: Floats) -> tuple[Floats, Floats, float] | None:
-    """Give acceleration and position (n,) of the ripple, and its noise; None where there is no line."""
+    """Give acceleration and position (n,) of the ripple, and its noise; None where no line stands out of it."""
     steps = np.diff(time)
     period = float(np.median(steps))
     if np.any(np.abs(steps - period) > 0.01 * period):
@@ -79,13 +82,16 @@ def _of_leg(time: Floats, position: Floats, torque: Floats) -> tuple[Floats, Flo
     columns = np.stack([*trend, *waves], axis=1)
     amplitudes = np.linalg.lstsq(columns, position, rcond=None)[0]
     left = position - columns @ amplitudes
+    noise = float(np.sqrt(2.0 * np.mean(left**2) / time.size))
     acceleration, ripple = np.zeros(time.size), np.zeros(time.size)
     for number, frequency in enumerate(frequencies):
         pair = slice(len(trend) + 2 * number, len(trend) + 2 * number + 2)
+        if float(np.hypot(*amplitudes[pair])) < RESOLVED * noise:
+            continue
         wave = columns[:, pair] @ amplitudes[pair]
         ripple += wave
         acceleration -= (2.0 * np.pi * frequency) ** 2 * wave
-    return acceleration, ripple, float(np.sqrt(2.0 * np.mean(left**2) / time.size))
+    return (acceleration, ripple, noise) if np.any(ripple) else None
 
 
 def _lines(values: Floats, period: float) -> list[float]:

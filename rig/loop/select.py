@@ -336,17 +336,19 @@ def _angles_cover(ground: Ground) -> bool:
 
 
 def _propose(ground: Ground) -> tuple[list[_Proposal], float, float]:
-    """Scan every equation and give the classes to try at each peak, and the tests among free and fixed orders.
+    """Scan every kind of piece and give the classes to try at each peak, and the tests among free and fixed orders.
 
-    Either kind has half of the false alarms: a class without a free order need not pay for the search.
+    Kinds are scanned apart: a few start angles of a sweep would otherwise hide a line that a turning run shows clearly.
+    Either sort of order has half of the false alarms: a class without a free order need not pay for the search.
     """
     found: list[_Proposal] = []
     tests = 0.0
     linear = ground.fit.linear
     ratio = ground.fit.model.ratio
     effects = periodic_effects()
-    for equation in dict.fromkeys(item.piece.equation for item in linear):
-        items = [item for item in linear if item.piece.equation is equation]
+    for kind in dict.fromkeys(item.piece.kind for item in linear):
+        equation = kind[0]
+        items = [item for item in linear if item.piece.kind == kind]
         has_motor = any("motor_position" in item.evaluation.positions for item in items)
         variable = "motor_position" if has_motor else "output_position"
         for against in (False, True) if equation is not Equation.TORSION else (False,):
@@ -357,7 +359,7 @@ def _propose(ground: Ground) -> tuple[list[_Proposal], float, float]:
             for peak in _tops(spectrum):
                 classes = _classes(equation, variable, peak.order, spectrum.resolution, ratio, effects, against=against)
                 found += [replace(proposal, height=peak.height) for proposal in classes]
-    fixed = [_Proposal(kind, kind.fixed_order, 0.0) for kind in effects if kind.fixed_order is not None]
+    fixed = [_Proposal(effect, effect.fixed_order, 0.0) for effect in effects if effect.fixed_order is not None]
     return found + fixed, 2.0 * max(tests, 1.0), 2.0 * max(len(fixed), 1)
 
 

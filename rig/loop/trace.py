@@ -102,7 +102,7 @@ def trace(
         held_out=tuple(run.name for run in campaign.held_out),
         equations=equations,
         steps=steps,
-        open=open_statements(selection, [pair.after for pair in sides["train"]], equations, dut),
+        open=open_statements(selection, _after(sides["train"]), _after(sides["held_out"]), equations, dut),
         warnings=warnings,
         elapsed=clock.now() - started,
         model=model_of(final, steps, entries, dut, software_version()),
@@ -204,6 +204,10 @@ def _settled(pieces: Sequence[Piece], start: Model) -> list[Piece]:
 class _BeforeAfter:
     before: Residual
     after: Residual
+
+
+def _after(pairs: Sequence[_BeforeAfter]) -> list[Residual]:
+    return [pair.after for pair in pairs]
 
 
 def _residuals(pieces: Sequence[Piece], before: Model, after: Model) -> list[_BeforeAfter]:

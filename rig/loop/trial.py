@@ -39,6 +39,10 @@ LEAST_EXPECTED = 10.0
 """Weighted squares that a term must be expected to explain under a condition before that condition has a say."""
 
 
+PHASES, MOST_PHASES = 8, 6
+"""Parts into which a line's period is divided, and how many of them a condition must have seen to have a say."""
+
+
 @dataclass(frozen=True, slots=True)
 class Trial:
     """One candidate on top of a fit.
@@ -178,21 +182,33 @@ def _where(
 def consistent(fit: Fit, number: int) -> bool:
     """Tell whether a fitted line explains at least half of what it should under every condition that should show it.
 
-    A condition is an equation, a procedure and, where the run turns, a speed.
+    A condition is an equation, a procedure and, where the run turns, a speed. It has a say if it has seen most phases
+    of the line: at a few held angles any other line may add to it or take from it.
     """
     line, place = fit.model.lines[number], fit.columns.of_line(number)
     found: dict[tuple[Equation, str], list[float]] = {}
+    phases: dict[tuple[Equation, str], set[int]] = {}
     for item in fit.linear:
         column = line.sine * item.jacobian[:, place.start] + line.cosine * item.jacobian[:, place.start + 1]
         expected = item.weight * column**2
         actual = 2.0 * item.weight * column * item.residual + expected
         names, member = _conditions(item)
+        position = item.evaluation.positions.get(line.kind.variable)
         for k, name in enumerate(names):
-            sums = found.setdefault((item.piece.equation, name), [0.0, 0.0])
-            sums[0] += float(expected[member == k].sum())
-            sums[1] += float(actual[member == k].sum())
+            condition, mine = (item.piece.equation, name), member == k
+            sums = found.setdefault(condition, [0.0, 0.0])
+            sums[0] += float(expected[mine].sum())
+            sums[1] += float(actual[mine].sum())
+            if position is not None:
+                turns = line.order * position[item.piece.index][mine] / (2.0 * math.pi)
+                seen = np.unique(np.floor(PHASES * (turns % 1.0)).astype(int))
+                phases.setdefault(condition, set()).update(seen.tolist())
     total = sum(expected for expected, _ in found.values())
-    return all(a >= 0.5 * e for e, a in found.values() if e > max(LEAST_EXPECTED, 0.02 * total))
+    return all(
+        actual >= 0.5 * expected
+        for condition, (expected, actual) in found.items()
+        if expected > max(LEAST_EXPECTED, 0.02 * total) and len(phases.get(condition, ())) >= MOST_PHASES
+    )
 
 
 def _conditions(item: LinearPiece) -> tuple[list[str], NDArray[np.intp]]:

@@ -1,4 +1,4 @@
-"""The loop on logs that lack signals, are short, or come with a device file that is wrong: a statement, never a guess."""
+"""The loop on logs that lack signals, are short, or come with a wrong device file: a statement, never a guess."""
 
 import numpy as np
 import pytest
