@@ -7,16 +7,12 @@ import pytest
 
 from rig.log.importer import import_files
 from rig.log.load import load_runs
-
-ROOT = Path(__file__).parents[3]
-DATA = ROOT.parent / "shared" / "data"
-EXAMPLES = ROOT / "docs" / "examples"
-
-pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="the measured logs are not part of the repository")
+from tests.measured_data import EXAMPLES, JOINT, MAP, needs_joint, needs_map
 
 
+@needs_joint
 def test_the_robot_joint_comes_in_one_run_per_speed_with_its_values_unchanged(tmp_path: Path) -> None:
-    files = sorted((DATA / "kuka_iiwa_joint4").glob("*.csv"))
+    files = sorted(JOINT.glob("*.csv"))
     runs = load_runs(import_files(files, EXAMPLES / "iiwa_joint4.toml", tmp_path))
     assert [run.name for run in runs] == [file.stem for file in files]
     for run, file in zip(runs, files, strict=True):
@@ -30,10 +26,10 @@ def test_the_robot_joint_comes_in_one_run_per_speed_with_its_values_unchanged(tm
         assert run.gaps == ()
 
 
+@needs_map
 def test_the_cogging_map_comes_in_sectors_of_the_turn_with_equal_times_merged(tmp_path: Path) -> None:
-    file = DATA / "motor_cogging_map" / "hold_sweep.csv"
-    raw = np.loadtxt(file, delimiter=",", skiprows=1)
-    runs = load_runs(import_files([file], EXAMPLES / "cogging_map.toml", tmp_path))
+    raw = np.loadtxt(MAP, delimiter=",", skiprows=1)
+    runs = load_runs(import_files([MAP], EXAMPLES / "cogging_map.toml", tmp_path))
     assert len(runs) == 16
     assert sum(len(run.time) for run in runs) == len(np.unique(raw[:, 0]))
     lows = [run.signals["motor_position"].min() for run in runs]
