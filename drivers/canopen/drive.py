@@ -14,7 +14,6 @@ import can
 
 from drivers.canopen import cia402
 from drivers.canopen.drive_setup import DriveUnits, read_units, set_limits, set_watchdog
-from drivers.canopen.errors import raise_together
 from drivers.canopen.heartbeat import BenchHeartbeat
 from drivers.canopen.link import Link
 from drivers.canopen.node import START_TIMEOUT, CanopenNode
@@ -257,18 +256,19 @@ class Cia402Drive:
     def close(self) -> None:
         """Take the torque away, restore every changed parameter, leave the node pre-operational.
 
-        Does what it can on a half-open or silent drive; the first problem is raised with the others as notes.
+        A drive that does not confirm that it is without torque keeps what was set in it, its watchdog above all, and
+        the bench's heartbeat ends, so that the drive stops by itself; the error says so.
         """
         if not self._open:
             return
         self._open = False
-        problems: list[RigError] = []
-        for step in (self.disable, self.node.shut_down):
-            try:
-                step()
-            except RigError as error:
-                problems.append(error)
-        raise_together(problems)
+        try:
+            self.disable()
+        except RigError as error:
+            self._heartbeat.cease()
+            self.node.abandon(error)
+            raise
+        self.node.shut_down()
 
     def on_feedback(self, data: bytearray) -> bool:
         """Take one TPDO; True if it is the first of its cycle. A wrong length is noted as a failure."""

@@ -8,11 +8,12 @@ import pytest
 from drivers.errors import ConfigError, DriveFaultError, LimitError, NotConnectedError, RigTimeoutError
 from drivers.types import DriveState, Mode
 from sim_backend.buses.hooks import drop, from_node
+from sim_backend.faults import FAULTS
 from sim_backend.nodes.bench import MOTOR_DRIVE
 from sim_backend.nodes.communication import NodeOptions
 from sim_backend.nodes.drive402_objects import CST, TorqueUnit, VelocityUnit
 from sim_backend.ports import AxisMode
-from tests.drivers.canopen.bench import HEARTBEAT_TIME, MOTOR, device_config, simulated_bench
+from tests.drivers.canopen.bench import CYCLE_TIME, HEARTBEAT_TIME, LOAD, MOTOR, device_config, simulated_bench
 
 COUNTS = MOTOR_DRIVE.encoder_counts
 RATED = MOTOR_DRIVE.rated_torque
@@ -273,6 +274,30 @@ def test_closing_an_enabled_drive_takes_the_torque_away_first() -> None:
     bench.motor.close()
     assert bench.plant.commands["motor"][0] is AxisMode.OFF
     bench.motor.close()
+
+
+def test_a_drive_that_does_not_let_itself_be_disabled_keeps_its_watchdog_when_it_is_closed() -> None:
+    watchdog_time = 2.0  # s, longer than the 0.5 s for which a state is awaited
+    patient = replace(MOTOR, heartbeat_time=watchdog_time)
+    bench = simulated_bench(patient, replace(LOAD, heartbeat_time=watchdog_time)).connect()
+    bench.motor.enable(Mode.TORQUE)
+    bench.motor.write(0.1)
+    bench.cycles(2)
+    FAULTS["ignore-control-word"].inject(bench.world, 1, bench.world.time)
+    with pytest.raises(RigTimeoutError, match=r"'motor' to reach a state without torque.*not remote") as got:
+        bench.motor.close()
+    assert [bench.value(1, *key) for key in ((0x1016, 1), (0x6007, 0), (0x605A, 0))] == [
+        127 << 16 | 2000,
+        3,
+        2,
+    ]
+    left = " ".join(got.value.__notes__)
+    assert "Not restored on 'motor'" in left
+    assert "heartbeat consumer" in left
+    assert bench.plant.commands["motor"][0] is AxisMode.TORQUE
+    # the control loop goes on for the load drive, and must not feed the motor's watchdog
+    bench.cycles(round(watchdog_time / CYCLE_TIME))
+    assert bench.plant.commands["motor"][0] is AxisMode.OFF
 
 
 def test_closing_a_drive_that_went_silent_says_what_was_not_restored() -> None:
