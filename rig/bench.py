@@ -52,8 +52,7 @@ class Bench:
         self._buses: list[DeviceBus] = []
         self._devices: dict[str, Drive | Sensor] = {}
         self._drives: dict[Axis, Drive] = {}
-        self._modes: dict[Axis, Mode | None] = {Axis.MOTOR: None, Axis.LOAD: None}
-        self._commands: dict[Axis, Setpoint | None] = {Axis.MOTOR: None, Axis.LOAD: None}
+        self._setpoints: dict[Axis, Setpoint | None] = {Axis.MOTOR: None, Axis.LOAD: None}
 
     def open(self) -> tuple[DeviceInfo, ...]:
         """Connect every device; give what each said of itself. Names all that do not answer in one error."""
@@ -92,29 +91,29 @@ class Bench:
         """Tell whether the bench file names this role."""
         return role in self.config.devices
 
-    def mode(self, axis: Axis) -> Mode | None:
-        """Give what the axis regulates, None while it is released."""
-        return self._modes[axis]
-
-    def commanded(self, axis: Axis) -> float:
-        """Give the last setpoint of the axis in its mode's unit, 0 while it is released."""
-        setpoint = self._commands[axis]
-        return setpoint.value if setpoint is not None else 0.0
+    def setpoint(self, axis: Axis) -> Setpoint | None:
+        """Give what the axis was last told and took, None while it is released."""
+        return self._setpoints[axis]
 
     def apply(self, axis: Axis, setpoint: Setpoint | None) -> bool:
-        """Queue a setpoint, or release the axis with None. Gives True if the drive changed its state for it."""
+        """Queue a setpoint, or release the axis with None. Gives True if the drive changed its state for it.
+
+        What the drive refuses leaves the axis with the setpoint it has.
+        """
         drive = self._drive(axis)
-        self._commands[axis] = setpoint
-        wanted = setpoint.mode if setpoint is not None else None
-        changed = wanted is not self._modes[axis]
-        if changed:
-            if wanted is None:
+        present = self._setpoints[axis]
+        if setpoint is None:
+            if present is not None:
                 drive.disable()
-            else:
-                drive.enable(wanted)
-            self._modes[axis] = wanted
-        if setpoint is not None:
-            drive.write(setpoint.value)
+                self._setpoints[axis] = None
+            return present is not None
+        mode, value = setpoint
+        changed = present is None or present.mode is not mode
+        if changed:
+            drive.enable(mode)
+            self._setpoints[axis] = Setpoint(mode, drive.read().position if mode is Mode.POSITION else 0.0)
+        drive.write(value)
+        self._setpoints[axis] = setpoint
         return changed
 
     def cycle(self, time: float, index: int, late: bool) -> CycleReport:
@@ -135,8 +134,8 @@ class Bench:
                 what=f"The torque sensor is at the end of its range ({torque.value} N*m) in cycle {index}.",
                 hint="What it shows there is no torque: lower the load or use a larger sensor.",
             )
-        position, velocity, motor_torque = _by_mode(self._commands[Axis.MOTOR])
-        _, _, load_torque = _by_mode(self._commands[Axis.LOAD])
+        position, velocity, motor_torque = _by_mode(self._setpoints[Axis.MOTOR])
+        _, _, load_torque = _by_mode(self._setpoints[Axis.LOAD])
         filled = _new_sample(
             (
                 time,
@@ -212,7 +211,7 @@ class Bench:
         for axis in Axis:
             if axis not in self._drives:
                 continue
-            self._modes[axis] = self._commands[axis] = None
+            self._setpoints[axis] = None
             try:
                 states[axis] = action(self._drive(axis))
             except Exception as caught:  # whatever fails on one drive, the next must still be stopped

@@ -237,7 +237,7 @@ class _Execution:
         for axis, setpoint in ((Axis.MOTOR, command.motor), (Axis.LOAD, command.load)):
             if setpoint is not None:
                 self.watch.check_setpoint(axis, setpoint, self.index)
-            elif self._bench.mode(axis) is None:
+            elif self._bench.setpoint(axis) is None:
                 continue
             if self._bench.apply(axis, setpoint):
                 self.say("drive", f"{axis}: {setpoint.mode if setpoint is not None else 'released'}")
@@ -325,18 +325,15 @@ class _Execution:
     def _ramp_down(self) -> None:
         """Ramp torque and speed of each energised axis to zero in the declared time; in position mode it holds."""
         readings = {axis: reading for axis, reading in self._bench.readings().items() if reading.state.energised}
-        start = {
-            axis: (mode, self._bench.commanded(axis))
-            for axis in readings
-            if (mode := self._bench.mode(axis)) is not None
-        }
-        moving = {axis: value for axis, (mode, value) in start.items() if mode is not Mode.POSITION and value}
-        if not moving:
+        start = {axis: setpoint for axis in readings if (setpoint := self._bench.setpoint(axis)) is not None}
+        if not any(value for mode, value in start.values() if mode is not Mode.POSITION):
             return
         cycles = max(1, round(self._bench.config.safety.ramp_time / self._cycle_time))
         for k in range(cycles, -1, -1):
             for axis, (mode, value) in start.items():
-                self._bench.apply(axis, Setpoint(mode, value if mode is Mode.POSITION else value * k / cycles))
+                setpoint = Setpoint(mode, value if mode is Mode.POSITION else value * k / cycles)
+                self.watch.check_setpoint(axis, setpoint, self.index)
+                self._bench.apply(axis, setpoint)
             self._deadline += self._cycle_time
             self._clock.sleep_until(self._deadline)
             self.time = self._clock.now() - self._begin

@@ -34,6 +34,19 @@ def released(sim) -> bool:
     return abs(before.motor_torque) < 1e-3 and abs(before.load_torque) < 1e-3
 
 
+class Peak:
+    """Largest true speed (rad/s) and torque (N*m) of the motor at the samples of a run, whatever its drive reports."""
+
+    def __init__(self, sim) -> None:
+        self._sim = sim
+        self.speed = self.torque = 0.0
+
+    def see(self, _sample: Sample) -> None:
+        truth = self._sim.plant.truth()
+        self.speed = max(self.speed, abs(truth.motor_velocity))
+        self.torque = max(self.torque, abs(truth.motor_torque))
+
+
 @pytest.fixture
 def sim():
     bench = sim_bench()
@@ -162,6 +175,22 @@ def test_a_bug_in_a_procedure_is_raised_after_the_bench_was_made_safe(sim):
         run_on(sim, broken(), log)
     assert "confirmed" in log.texts("safe state")[0]
     assert released(sim)
+
+
+def test_a_mode_change_that_is_refused_leaves_the_old_setpoint_to_be_ramped_down(sim):
+    def change_while_turning() -> Steps:
+        for _ in range(30):
+            yield Command(motor=Setpoint(Mode.TORQUE, 0.03))
+        yield Command(motor=Setpoint(Mode.VELOCITY, 2.0))
+
+    log, peak = MemoryLog(), Peak(sim)
+    log.on_sample = peak.see
+    outcome = run_on(sim, change_while_turning(), log)
+    assert isinstance(outcome.error, DriveFaultError)
+    assert "so its mode was not changed" in str(outcome.error)
+    assert peak.torque == pytest.approx(0.03, abs=2e-4)  # one per mille of the drive's rated torque
+    assert log.samples[-1].motor_torque_command == 0.0
+    assert outcome.safe_state.confirmed
 
 
 @pytest.mark.parametrize("intent", [SetLock(False), Tare(), Ask("anything")])
