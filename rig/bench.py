@@ -6,6 +6,7 @@ arrive is absent from it. No policy lives here: limits and the safe state belong
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple, Protocol, cast
 
@@ -37,6 +38,14 @@ class CycleReport(NamedTuple):
     sample: Sample
     filled: Sample
     missing: int
+
+
+@dataclass(frozen=True, slots=True)
+class Stopped:
+    """What came of stopping all drives: the states read back, and the `failure` of those that gave none."""
+
+    states: Mapping[Axis, DriveState]
+    failure: RigError | None = None
 
 
 class Bench:
@@ -179,6 +188,11 @@ class Bench:
             )
         return CycleReport(_without(filled, stale), filled, len(stale))
 
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """Give the axes that have a drive."""
+        return tuple(self._drives)
+
     def readings(self) -> Mapping[Axis, DriveReading]:
         """Give the latest reading of each drive."""
         return {axis: drive.read() for axis, drive in self._drives.items()}
@@ -197,15 +211,15 @@ class Bench:
                 bus.exchange()
         return self.events()
 
-    def disable(self) -> Mapping[Axis, DriveState]:
-        """Take the torque from every drive; give the states read back. A drive that fails does not stop the next."""
+    def disable(self) -> Stopped:
+        """Take the torque from every drive. A drive that fails does not keep the next from being stopped."""
         return self._each_drive(lambda drive: drive.disable())
 
-    def quick_stop(self) -> Mapping[Axis, DriveState]:
-        """Stop every drive by its own quick-stop ramp; give the states read back."""
+    def quick_stop(self) -> Stopped:
+        """Stop every drive by its own quick-stop ramp, which goes on when this returns."""
         return self._each_drive(lambda drive: drive.quick_stop())
 
-    def _each_drive(self, action: Callable[[Drive], DriveState]) -> Mapping[Axis, DriveState]:
+    def _each_drive(self, action: Callable[[Drive], DriveState]) -> Stopped:
         states: dict[Axis, DriveState] = {}
         failure: RigError | None = None
         for axis in Axis:
@@ -220,9 +234,7 @@ class Bench:
                     failure = error
                 else:
                     failure.add_note(str(error))
-        if failure is not None:
-            raise failure
-        return states
+        return Stopped(states, failure)
 
     def tare(self) -> float:
         """Zero the torque sensor; give the offset it removed, N*m."""

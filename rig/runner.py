@@ -10,7 +10,16 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Protocol
 
-from drivers.errors import AbortedError, ConfigError, CycleError, LimitError, Mistake, NotConnectedError, RigError
+from drivers.errors import (
+    AbortedError,
+    ConfigError,
+    CycleError,
+    DriveFaultError,
+    LimitError,
+    Mistake,
+    NotConnectedError,
+    RigError,
+)
 from drivers.types import Axis, DeviceEvent, DriveState, Mode, Sample, Setpoint
 from procedures.intents import Ask, Command, Evaluation, Intent, Mark, Result, SetLock, Steps, Tare
 from rig.bench import Bench
@@ -22,6 +31,12 @@ from rig.stop import Stop
 
 LISTENING_TIME = 0.5
 """How long to listen, s, after the devices fell silent: longer than a drive takes to restart."""
+
+
+NOT_CONFIRMED = "not confirmed"
+"""What stands for the state of a drive that did not answer, or never showed one without torque."""
+
+_ENERGISED = tuple(str(state) for state in DriveState if state.energised)
 
 
 class Status(StrEnum):
@@ -59,7 +74,7 @@ class Progress:
 
 @dataclass(frozen=True, slots=True)
 class SafeState:
-    """How the bench was made safe: the reaction, the states read back, and whether no drive carries torque."""
+    """How the bench was made safe: the reaction, each drive's state read back, and whether none carries torque."""
 
     reaction: str
     states: Mapping[str, str] = field(default_factory=dict)
@@ -106,8 +121,10 @@ def execute(
         error = caught
         run.say("error", str(caught))
     finally:
-        safe = run.make_safe()
+        safe, trouble = run.make_safe()
         steps.close()
+    if error is None:
+        error = trouble if safe.confirmed else _not_confirmed(safe)
     if isinstance(error, CycleError | NotConnectedError):
         run.listen_for_the_cause(error)
     return RunOutcome(
@@ -131,6 +148,17 @@ def _status(error: RigError | None) -> Status:
     if isinstance(error, LimitError):
         return Status.LIMIT
     return Status.FAULT if error.exit_code == RigError.exit_code else Status.ERROR
+
+
+def _not_confirmed(safe: SafeState) -> DriveFaultError:
+    """Make the error of a run that went as planned and left a drive that may carry torque."""
+    doubtful = [axis for axis, state in safe.states.items() if state in (NOT_CONFIRMED, *_ENERGISED)]
+    return DriveFaultError(
+        ", ".join(doubtful),
+        "did not confirm at the end of the run that it carries no torque",
+        state=", ".join(safe.states[axis] for axis in doubtful),
+        hint="Take the power away by the emergency stop before anyone touches the bench.",
+    )
 
 
 def _with_safe_state(error: RigError | None, safe: SafeState) -> RigError | None:
@@ -295,32 +323,41 @@ class _Execution:
             self._log.device_event(event)
             self._heard.append(f"{event.device}: {event.text}")
 
-    def make_safe(self) -> SafeState:
-        """Take the torque away by the bench's declared reaction, confirm it, and record it. Raises nothing."""
+    def make_safe(self) -> tuple[SafeState, RigError | None]:
+        """Take the torque away by the bench's declared reaction, confirm it, and record it. Raises nothing.
+
+        Gives with it the first thing that went wrong on the way, whether or not the bench is safe now.
+        """
         reaction = self._bench.config.safety.reaction
-        problems: list[str] = []
-        states: Mapping[Axis, DriveState] = {}
-        if reaction is Reaction.RAMP:
-            _try(self._ramp_down, problems)
-        else:
-            _try(self._bench.quick_stop, problems)
-        try:
-            states = self._bench.disable()
-        except Exception as error:  # the quick stop is the second way to take the torque away
-            problems.append(f"{type(error).__name__}: {error}")
-            _try(self._bench.quick_stop, problems)
-        confirmed = bool(states) and not any(state.energised for state in states.values())
+        problems: list[Exception] = []
+        _try(self._ramp_down if reaction is Reaction.RAMP else self._stop_quickly, problems)
+        states = self._take_torque(problems)
+        confirmed = all(axis in states and not states[axis].energised for axis in self._bench.axes)
         safe = SafeState(
             reaction=str(reaction),
-            states={str(axis): str(state) for axis, state in states.items()},
+            states={str(axis): str(states.get(axis, NOT_CONFIRMED)) for axis in self._bench.axes},
             confirmed=confirmed,
-            problem=" ".join(problems),
+            problem=" ".join(dict.fromkeys(f"{type(problem).__name__}: {problem}" for problem in problems)),
         )
-        shown = ", ".join(f"{axis} {state}" for axis, state in safe.states.items()) or "no state read back"
+        shown = ", ".join(f"{axis} {state}" for axis, state in safe.states.items())
         text = f"{safe.reaction}: {shown}; {'confirmed' if confirmed else 'NOT CONFIRMED'}"
         _try(lambda: self.say("safe state", text), problems)
         _try(lambda: self._log_events(self._bench.events()), problems)
-        return safe
+        return safe, _as_rig_error(problems[0]) if problems else None
+
+    def _take_torque(self, problems: list[Exception]) -> Mapping[Axis, DriveState]:
+        """Disable every drive; where one fails, quick stop is the second way. Give the last state read of each."""
+        tried = [self._bench.disable()]
+        if tried[0].failure is not None:
+            # the last one reads how the drives' own ramps ended
+            tried += [self._bench.quick_stop(), self._bench.disable()]
+        problems += [stopped.failure for stopped in tried if stopped.failure is not None]
+        return {axis: state for stopped in tried for axis, state in stopped.states.items()}
+
+    def _stop_quickly(self) -> None:
+        failure = self._bench.quick_stop().failure
+        if failure is not None:
+            raise failure
 
     def _ramp_down(self) -> None:
         """Ramp torque and speed of each energised axis to zero in the declared time; in position mode it holds."""
@@ -341,8 +378,16 @@ class _Execution:
             self.index += 1
 
 
-def _try(action: Callable[[], object], problems: list[str]) -> None:
+def _try(action: Callable[[], object], problems: list[Exception]) -> None:
     try:
         action()
     except Exception as error:  # whatever it was, the next step towards the safe state must still be taken
-        problems.append(f"{type(error).__name__}: {error}")
+        problems.append(error)
+
+
+def _as_rig_error(problem: Exception) -> RigError:
+    if isinstance(problem, RigError):
+        return problem
+    wrapped = RigError(f"Taking the torque away went wrong: {type(problem).__name__}: {problem}.")
+    wrapped.__cause__ = problem
+    return wrapped

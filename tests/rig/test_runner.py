@@ -11,12 +11,16 @@ from drivers.errors import (
     LimitError,
     NotConnectedError,
     RigError,
+    RigTimeoutError,
 )
 from drivers.types import Mode, Sample, Setpoint
 from procedures.intents import Ask, Command, Mark, Measurement, Result, SetLock, Steps, Tare
+from rig.bench import Stopped
 from rig.runner import Status
 from rig.stop import Stop
+from sim_backend.buses.hooks import MASTER, Hook, corrupt
 from sim_backend.faults import FAULTS
+from sim_backend.nodes.frame import Frame
 from tests.rig.bench import MemoryLog, run_on, sim_bench
 
 
@@ -32,6 +36,10 @@ def released(sim) -> bool:
     """True if neither simulated drive drives its shaft, seen from the plant and not from what the drives report."""
     before = sim.plant.truth()
     return abs(before.motor_torque) < 1e-3 and abs(before.load_torque) < 1e-3
+
+
+PATIENT = ("heartbeat_time = 0.2", "heartbeat_time = 2.0")
+"""A watchdog that waits longer than the 0.5 s for which a state is awaited."""
 
 
 class Peak:
@@ -247,6 +255,61 @@ def test_a_restart_in_motion_is_named_as_such():
         sim.bench.close()
 
 
+def refusing(node: int, control_word: int) -> Hook:
+    """Let a control word by SDO become enable operation on its way to a drive."""
+    wanted = bytes.fromhex("2b4060 00") + control_word.to_bytes(2, "little") + bytes(2)
+    return corrupt(
+        lambda sender, frame: sender == MASTER and frame == (0x600 + node, wanted),
+        lambda frame: Frame(frame.can_id, bytes.fromhex("2b4060 000f000000")),
+    )
+
+
+def test_a_drive_that_never_lets_go_is_an_error_although_the_run_went_as_planned():
+    sim = sim_bench(PATIENT)
+    sim.bench.open()
+    log = MemoryLog()
+    log.on_sample = lambda s: FAULTS["ignore-control-word"].inject(sim.world, 1, 0.0) if s.cycle == 150 else None
+    outcome = run_on(sim, hold_torque(0.05, 200), log)
+    assert outcome.status is Status.FAULT
+    assert isinstance(outcome.error, DriveFaultError)
+    assert "'motor' did not confirm" in str(outcome.error)
+    assert outcome.error.state == "not confirmed"
+    assert outcome.error.exit_code == 3
+    assert not outcome.safe_state.confirmed
+    assert outcome.safe_state.states == {"motor": "not confirmed", "load": "switch-on disabled"}
+    assert "operation enabled" in outcome.safe_state.problem
+    with contextlib.suppress(RigError):
+        sim.bench.close()
+    sim.world.advance_to(sim.world.time + 2.5)
+    assert released(sim)
+
+
+def test_a_drive_that_only_obeys_the_quick_stop_is_confirmed_by_it_and_an_error():
+    sim = sim_bench(PATIENT)
+    sim.bench.open()
+    sim.world.bus.add_hook(hook := refusing(1, 0))
+    outcome = run_on(sim, hold_torque(0.05, 200), MemoryLog())
+    sim.world.bus.remove_hook(hook)
+    assert outcome.safe_state.confirmed
+    assert outcome.safe_state.states["motor"] == "switch-on disabled"
+    assert isinstance(outcome.error, RigTimeoutError)
+    assert released(sim)
+    sim.bench.close()
+
+
+def test_a_silent_drive_does_not_hide_the_state_of_the_other():
+    sim = sim_bench()
+    sim.bench.open()
+    FAULTS["mute"].inject(sim.world, 2, sim.world.time + 0.2)
+    log = MemoryLog()
+    outcome = run_on(sim, hold_torque(0.05, 2000), log)
+    assert outcome.safe_state.states == {"motor": "switch-on disabled", "load": "not confirmed"}
+    assert not outcome.safe_state.confirmed
+    assert log.texts("safe state") == ["ramp: motor switch-on disabled, load not confirmed; NOT CONFIRMED"]
+    with contextlib.suppress(RigError):
+        sim.bench.close()
+
+
 def test_a_refused_mode_is_an_error_and_nothing_moves(sim):
     FAULTS["refuse-mode"].inject(sim.world, 1, sim.world.time)
     log = MemoryLog()
@@ -271,8 +334,8 @@ def test_a_bench_that_stops_cycling_is_stopped_by_its_drives(sim):
 
     log.on_sample = vanish
     bench = sim.bench
-    bench.disable = lambda: {}  # nobody is left to disable the drives
-    sim.bench.quick_stop = lambda: {}
+    bench.disable = lambda: Stopped({})  # nobody is left to disable the drives
+    sim.bench.quick_stop = lambda: Stopped({})
     with pytest.raises(GoneError):
         run_on(sim, steps, log)
     del bench.disable, sim.bench.quick_stop
