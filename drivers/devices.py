@@ -98,6 +98,9 @@ class DeviceBus(Protocol):
     def exchange(self) -> None:
         """Run one cycle: send the queued setpoints, SYNC, and collect every device's reading."""
 
+    def listen(self) -> None:
+        """Take in what has arrived and send nothing, so that no watchdog is fed."""
+
     def events(self) -> Sequence[DeviceEvent]:
         """Give what the devices reported by themselves since the last call."""
 

@@ -205,10 +205,10 @@ class Bench:
         return found
 
     def listen(self) -> list[DeviceEvent]:
-        """Exchange one cycle after a failure and give only what the devices reported by themselves."""
+        """Give what the devices reported by themselves, without sending anything: after a failure nothing is fed."""
         for bus in self._buses:
             with suppress(RigError):  # the run has failed already; what its devices say may tell why
-                bus.exchange()
+                bus.listen()
         return self.events()
 
     def disable(self) -> Stopped:

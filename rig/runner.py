@@ -309,14 +309,22 @@ class _Execution:
         return report.filled
 
     def listen_for_the_cause(self, error: RigError) -> None:
-        """Hear what the devices report after a failure (a restart, an emergency) and add it to the error."""
+        """Hear what the devices report after a failure (a restart, an emergency) and add it to the error.
+
+        Nothing is sent meanwhile, so drives that were watched report that they miss the bench, too.
+        """
+        before = len(self._heard)
         for _ in range(round(LISTENING_TIME / self._cycle_time)):
             self._deadline += self._cycle_time
             self._clock.sleep_until(self._deadline)
             self.time = self._clock.now() - self._begin
             self._log_events(self._bench.listen())
-        if self._heard:
-            error.add_note(f"The devices reported: {'; '.join(self._heard)}.")
+        for when, heard in (
+            ("The devices reported", self._heard[:before]),
+            ("Later, left alone", self._heard[before:]),
+        ):
+            if heard:
+                error.add_note(f"{when}: {'; '.join(heard)}.")
 
     def _log_events(self, events: list[DeviceEvent]) -> None:
         for event in events:

@@ -143,6 +143,10 @@ class CanopenBus:
         if noted:
             self._raise_what_counts()
 
+    def listen(self) -> None:
+        """Route what has arrived and send nothing: no SYNC, no heartbeat. Raises NotConnectedError."""
+        self._link.drain()
+
     def events(self) -> Sequence[DeviceEvent]:
         """Give what the devices reported by themselves since the last call."""
         if not self._events:

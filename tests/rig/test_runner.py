@@ -18,7 +18,7 @@ from procedures.intents import Ask, Command, Mark, Measurement, Result, SetLock,
 from rig.bench import Stopped
 from rig.runner import Status
 from rig.stop import Stop
-from sim_backend.buses.hooks import MASTER, Hook, corrupt
+from sim_backend.buses.hooks import MASTER, Delivery, Hook, corrupt, drop, process_data_of
 from sim_backend.faults import FAULTS
 from sim_backend.nodes.frame import Frame
 from tests.rig.bench import MemoryLog, run_on, sim_bench
@@ -297,6 +297,22 @@ def test_a_drive_that_only_obeys_the_quick_stop_is_confirmed_by_it_and_an_error(
     sim.bench.close()
 
 
+def test_no_watchdog_is_fed_while_the_cause_of_a_failure_is_listened_for(sim):
+    sent = []
+
+    def note(sender, frame):
+        if sender == MASTER and frame.can_id in (0x080, 0x77F):  # SYNC, heartbeat of the bench
+            sent.append(sim.world.time)
+        return (Delivery(frame),)
+
+    sim.world.bus.add_hook(note)
+    sim.world.schedule(0.5, lambda: sim.world.bus.add_hook(drop(process_data_of(4))))
+    outcome = run_on(sim, hold_torque(0.05, 2000), MemoryLog())
+    assert isinstance(outcome.error, CycleError)
+    # 0.5 s of listening end the run; half a cycle for rounding
+    assert sim.world.time - sent[-1] >= 0.5 - 5e-4
+
+
 def test_a_silent_drive_does_not_hide_the_state_of_the_other():
     sim = sim_bench()
     sim.bench.open()
@@ -351,8 +367,6 @@ def test_missing_readings_are_absent_from_the_log_and_counted():
     dropped = []
 
     def lose_two(sender, frame):
-        from sim_backend.buses.hooks import Delivery
-
         if frame.can_id == 0x184 and len(dropped) < 2 and sim.world.time > 0.5:
             dropped.append(frame)
             return ()
@@ -368,8 +382,6 @@ def test_missing_readings_are_absent_from_the_log_and_counted():
 
 
 def test_more_missing_readings_than_allowed_end_the_run(sim):
-    from sim_backend.buses.hooks import drop
-
     log = MemoryLog()
     log.on_sample = lambda s: sim.world.bus.add_hook(drop(lambda _, f: f.can_id == 0x184)) if s.cycle == 50 else None
     outcome = run_on(sim, hold_torque(0.01, 1000), log)
