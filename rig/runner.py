@@ -188,7 +188,7 @@ class _Execution:
         self._bench = bench
         self._clock = bench.clock
         self._limits = bench.config.limits.frozen()
-        self.watch = LimitWatch(self._limits)
+        self.watch = LimitWatch(self._limits, bench.config.cycle_time)
         self._cycle_time = bench.config.cycle_time
         self._log = log
         self._operator = operator
@@ -265,6 +265,8 @@ class _Execution:
         for axis, setpoint in ((Axis.MOTOR, command.motor), (Axis.LOAD, command.load)):
             if setpoint is not None:
                 self.watch.check_setpoint(axis, setpoint, self.index)
+                if setpoint.mode is Mode.POSITION:
+                    self.watch.check_step(axis, setpoint.value, self._bench.setpoint(axis), self.index)
             elif self._bench.setpoint(axis) is None:
                 continue
             if self._bench.apply(axis, setpoint):

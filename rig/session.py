@@ -298,6 +298,7 @@ def margin_table(record: RunRecord, bench: Bench) -> tuple[tuple[str, float, flo
         "motor_velocity": limits.motor_velocity,
         "output_torque": limits.output_torque,
         "load_torque": limits.load_torque,
+        "load_velocity": limits.load_velocity,
     }
     return tuple(
         (name, record.outcome.extremes[name], b) for name, b in bounds.items() if name in record.outcome.extremes

@@ -80,6 +80,8 @@ class BenchLimits(FileModel):
     motor_travel: Positive | None = None
     output_travel: Positive | None = None
     load_torque: Positive | None = None
+    load_velocity: Positive | None = None
+    load_travel: Positive | None = None
     temperature: Positive | None = None
     late_cycles: Annotated[int, Field(ge=0)] = 0
     missing_cycles: Annotated[int, Field(ge=0)] = 0
@@ -93,6 +95,8 @@ class BenchLimits(FileModel):
             motor_travel=self.motor_travel or UNBOUNDED,
             output_travel=self.output_travel or UNBOUNDED,
             load_torque=self.load_torque or UNBOUNDED,
+            load_velocity=self.load_velocity or UNBOUNDED,
+            load_travel=self.load_travel or UNBOUNDED,
             temperature=self.temperature or UNBOUNDED,
             late_cycles=self.late_cycles,
             missing_cycles=self.missing_cycles,

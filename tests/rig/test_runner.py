@@ -128,6 +128,32 @@ def test_a_runaway_in_torque_mode_is_stopped_by_the_speed_limit(sim):
     assert released(sim)
 
 
+def test_a_load_drive_that_runs_away_is_stopped_by_its_own_speed_limit():
+    sim = sim_bench(("load_velocity = 10.0", "load_velocity = 0.5"))
+    sim.bench.open()
+
+    def break_loose() -> Steps:
+        while True:
+            yield Command(load=Setpoint(Mode.TORQUE, 8.0))
+
+    outcome = run_on(sim, break_loose(), MemoryLog())
+    assert isinstance(outcome.error, LimitError)
+    assert outcome.error.signal == "load_velocity"
+    assert outcome.safe_state.confirmed
+    sim.bench.close()
+
+
+def test_a_position_setpoint_that_jumps_is_refused_before_it_is_sent(sim):
+    def jump() -> Steps:
+        yield Command(motor=Setpoint(Mode.POSITION, 1.0))
+
+    outcome = run_on(sim, jump(), MemoryLog())
+    assert isinstance(outcome.error, LimitError)
+    assert outcome.error.signal == "motor_position_command"
+    assert outcome.error.limit == pytest.approx(0.22)  # 220 rad/s for 1 ms
+    assert sim.plant.truth().motor_torque == 0.0
+
+
 def test_an_output_torque_above_its_limit_stops_the_run():
     sim = sim_bench(("output_torque = 30.0", "output_torque = 5.0"))
     sim.bench.open()
