@@ -69,7 +69,7 @@ class LimitWatch:
             )
             if math.isfinite(bound)
         )
-        self._bounds = (
+        self._bounds: tuple[float, ...] = (
             limits.motor_torque,
             limits.output_torque,
             limits.load_torque,
@@ -104,6 +104,17 @@ class LimitWatch:
         self._start = None
         self._motor.start()
         self._load.start()
+
+    def speed(self, axis: Axis) -> float:
+        """Give the speed of a shaft, rad/s, as the limits see it."""
+        return (self._motor if axis is Axis.MOTOR else self._load).speed
+
+    def tolerate(self, error: LimitError) -> None:
+        """Let a torque or temperature that broke its limit stand a tenth higher, so that it can be ramped down."""
+        if error.signal in WATCHED:
+            place = WATCHED.index(error.signal)
+            bound = max(self._bounds[place], 1.1 * abs(error.value))
+            self._bounds = (*self._bounds[:place], bound, *self._bounds[place + 1 :])
 
     def check_setpoint(self, axis: Axis, setpoint: Setpoint, cycle: int) -> None:
         """Raise LimitError if the setpoint is above a limit, or not a finite number."""

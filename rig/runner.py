@@ -29,6 +29,12 @@ from rig.log.run import RunEvent
 from rig.operator import Answered, Operator
 from rig.stop import Stop
 
+QUICK_STOP_TIME = 1.0
+"""How long to wait, s, for the end of the drives' own quick-stop ramps."""
+
+RUNAWAY = ("motor_velocity", "load_velocity", "motor_position", "load_position", "output_position")
+"""Signals whose limit is broken by what moves on under a torque that is only slowly taken away."""
+
 LISTENING_TIME = 0.5
 """How long to listen, s, after the devices fell silent: longer than a drive takes to restart."""
 
@@ -121,7 +127,7 @@ def execute(
         error = caught
         run.say("error", str(caught))
     finally:
-        safe, trouble = run.make_safe()
+        safe, trouble = run.make_safe(error)
         steps.close()
     if error is None:
         error = trouble if safe.confirmed else _not_confirmed(safe)
@@ -333,18 +339,24 @@ class _Execution:
             self._log.device_event(event)
             self._heard.append(f"{event.device}: {event.text}")
 
-    def make_safe(self) -> tuple[SafeState, RigError | None]:
+    def make_safe(self, cause: RigError | None) -> tuple[SafeState, RigError | None]:
         """Take the torque away by the bench's declared reaction, confirm it, and record it. Raises nothing.
 
+        After a speed or travel limit, and where the ramp breaks a limit or fails, the drives stop by themselves.
         Gives with it the first thing that went wrong on the way, whether or not the bench is safe now.
         """
-        reaction = self._bench.config.safety.reaction
         problems: list[Exception] = []
-        _try(self._ramp_down if reaction is Reaction.RAMP else self._stop_quickly, problems)
+        taken: list[Reaction] = []
+        if self._bench.config.safety.reaction is Reaction.RAMP and not _runs_away(cause):
+            taken.append(Reaction.RAMP)
+            _try(lambda: self._ramp_down(cause), problems)
+        if problems or not taken:
+            taken.append(Reaction.QUICK_STOP)
+            _try(self._stop_quickly, problems)
         states = self._take_torque(problems)
         confirmed = all(axis in states and not states[axis].energised for axis in self._bench.axes)
         safe = SafeState(
-            reaction=str(reaction),
+            reaction=", ".join(taken),
             states={str(axis): str(states.get(axis, NOT_CONFIRMED)) for axis in self._bench.axes},
             confirmed=confirmed,
             problem=" ".join(dict.fromkeys(f"{type(problem).__name__}: {problem}" for problem in problems)),
@@ -365,27 +377,66 @@ class _Execution:
         return {axis: state for stopped in tried for axis, state in stopped.states.items()}
 
     def _stop_quickly(self) -> None:
+        """Let every drive stop by its own ramp, and keep the control loop alive until these are over."""
         failure = self._bench.quick_stop().failure
         if failure is not None:
             raise failure
+        self._reschedule()
+        end = self._clock.now() + QUICK_STOP_TIME
+        while self._clock.now() < end and any(r.state.energised for r in self._bench.readings().values()):
+            self._safe_cycle()
 
-    def _ramp_down(self) -> None:
-        """Ramp torque and speed of each energised axis to zero in the declared time; in position mode it holds."""
-        readings = {axis: reading for axis, reading in self._bench.readings().items() if reading.state.energised}
-        start = {axis: setpoint for axis in readings if (setpoint := self._bench.setpoint(axis)) is not None}
-        if not any(value for mode, value in start.values() if mode is not Mode.POSITION):
+    def _ramp_down(self, cause: RigError | None) -> None:
+        """Ramp torque and speed of each energised axis to zero in the declared time; in position mode it holds.
+
+        Raises LimitError if a limit is broken meanwhile; the one that was broken before may be a tenth higher.
+        """
+        commanded = {
+            axis: setpoint for axis in self._bench.axes if (setpoint := self._bench.setpoint(axis)) is not None
+        }
+        if not any(value for mode, value in commanded.values() if mode is not Mode.POSITION):
             return
+        if isinstance(cause, LimitError):
+            self.watch.tolerate(cause)
+        readings = self._bench.readings()
+        start = {
+            axis: self._ramp_start(axis, setpoint, readings[axis].torque)
+            for axis, setpoint in commanded.items()
+            if readings[axis].state.energised
+        }
+        self._reschedule()
         cycles = max(1, round(self._bench.config.safety.ramp_time / self._cycle_time))
         for k in range(cycles, -1, -1):
             for axis, (mode, value) in start.items():
                 setpoint = Setpoint(mode, value if mode is Mode.POSITION else value * k / cycles)
                 self.watch.check_setpoint(axis, setpoint, self.index)
                 self._bench.apply(axis, setpoint)
-            self._deadline += self._cycle_time
-            self._clock.sleep_until(self._deadline)
-            self.time = self._clock.now() - self._begin
-            self._log.write(self._bench.cycle(self.time, self.index, late=False).sample)
-            self.index += 1
+            self.watch.check(self._safe_cycle())
+
+    def _ramp_start(self, axis: Axis, commanded: Setpoint, torque: float) -> Setpoint:
+        """Give where the ramp of an axis begins: at what was commanded or at what is measured, the smaller one."""
+        mode, value = commanded
+        if mode is Mode.POSITION:
+            return commanded
+        measured = torque if mode is Mode.TORQUE else self.watch.speed(axis)
+        if value * measured <= 0.0:
+            return Setpoint(mode, 0.0)
+        return Setpoint(mode, min(value, measured, key=abs))
+
+    def _safe_cycle(self) -> Sample:
+        """Run and log one cycle on the way to the safe state; neither a request to stop nor lateness ends it."""
+        self._deadline += self._cycle_time
+        self._clock.sleep_until(self._deadline)
+        self.time = self._clock.now() - self._begin
+        report = self._bench.cycle(self.time, self.index, late=False)
+        self._log.write(report.sample)
+        self.index += 1
+        self.watch.observe(report.filled)
+        return report.filled
+
+
+def _runs_away(cause: RigError | None) -> bool:
+    return isinstance(cause, LimitError) and cause.signal in RUNAWAY
 
 
 def _try(action: Callable[[], object], problems: list[Exception]) -> None:

@@ -99,8 +99,10 @@ def test_torque_is_ramped_down_and_not_cut_when_a_run_ends(sim):
     run_on(sim, hold_torque(0.1, 200), log)
     commands = [sample.motor_torque_command for sample in log.samples if sample.motor_torque_command is not None]
     drops = [a - b for a, b in itertools.pairwise(commands)]
-    # 0.1 N*m in 0.2 s at 1 kHz is 0.5 mN*m a cycle
-    assert max(drops) == pytest.approx(0.1 / 200, rel=1e-6)
+    # 0.1 N*m in 0.2 s at 1 kHz is 0.5 mN*m a cycle; the first step goes down to what the motor really gives, which
+    # 0.2 mN*m rms of current noise may put 1 mN*m lower
+    assert sorted(drops)[-2] == pytest.approx(0.1 / 200, rel=0.02)
+    assert max(drops) < 0.1 / 200 + 1e-3
     assert commands[-1] == 0.0
 
 
@@ -119,13 +121,71 @@ def test_a_runaway_in_torque_mode_is_stopped_by_the_speed_limit(sim):
         while True:
             yield Command(motor=Setpoint(Mode.TORQUE, 0.1))
 
-    log = MemoryLog()
+    log, peak = MemoryLog(), Peak(sim)
+    log.on_sample = peak.see
     outcome = run_on(sim, run_away(), log)
     assert isinstance(outcome.error, LimitError)
     assert outcome.error.signal == "motor_velocity"
     assert outcome.error.exit_code == 3
+    assert outcome.error.reaction == "quick-stop"
+    # the speed is a mean over 10 cycles, so it is 5 cycles old, and four more pass until the drive brakes:
+    # 9 ms at 2000 rad/s^2
+    assert peak.speed < 220.0 + 18.0
     assert outcome.safe_state.confirmed
+    # the drive's own ramp was let end: nothing turns on after it
+    assert abs(sim.plant.truth().motor_velocity) < 1.0
+    sim.world.advance_to(sim.world.time + 2e-3)
     assert released(sim)
+
+
+def test_a_limit_that_is_broken_while_the_torque_is_ramped_down_makes_the_drives_stop(sim):
+    def until_nearly_too_fast() -> Steps:
+        sample = yield Command(motor=Setpoint(Mode.TORQUE, 0.1))
+        start = sample.motor_position
+        while sample.motor_position - start < 4.0:  # about 150 rad/s
+            sample = yield Command(motor=Setpoint(Mode.TORQUE, 0.1))
+        return Result
+
+    log, peak = MemoryLog(), Peak(sim)
+    log.on_sample = peak.see
+    outcome = run_on(sim, until_nearly_too_fast(), log)
+    assert isinstance(outcome.error, LimitError)
+    assert outcome.error.signal == "motor_velocity"
+    assert outcome.error.reaction == "ramp, quick-stop"
+    assert peak.speed < 220.0 + 18.0
+    assert outcome.safe_state.confirmed
+
+
+def test_a_speed_is_ramped_down_from_what_the_shaft_does_and_not_from_what_it_was_told(sim):
+    """A load that was to turn at 9 rad/s is stopped in its second cycle: it must not be driven any faster."""
+
+    def too_soon() -> Steps:
+        for _ in range(2):
+            yield Command(load=Setpoint(Mode.VELOCITY, 9.0))
+        return Result
+
+    log, fastest = MemoryLog(), []
+    log.on_sample = lambda _: fastest.append(abs(sim.plant.truth().output_velocity))
+    outcome = run_on(sim, too_soon(), log)
+    assert max(fastest) == max(fastest[:6])
+    assert outcome.safe_state.confirmed
+
+
+def test_a_torque_that_broke_its_limit_is_still_ramped_down():
+    sim = sim_bench(("output_torque = 30.0", "output_torque = 5.0"))
+    sim.bench.open()
+
+    def wind_up() -> Steps:
+        yield SetLock(True)
+        for k in range(2000):
+            yield Command(motor=Setpoint(Mode.TORQUE, 1e-4 * k))
+
+    log = MemoryLog()
+    outcome = run_on(sim, wind_up(), log)
+    assert outcome.error.signal == "output_torque"
+    assert outcome.error.reaction == "ramp"
+    assert log.samples[-1].motor_torque_command == 0.0
+    sim.bench.close()
 
 
 def test_a_load_drive_that_runs_away_is_stopped_by_its_own_speed_limit():
@@ -347,7 +407,7 @@ def test_a_silent_drive_does_not_hide_the_state_of_the_other():
     outcome = run_on(sim, hold_torque(0.05, 2000), log)
     assert outcome.safe_state.states == {"motor": "switch-on disabled", "load": "not confirmed"}
     assert not outcome.safe_state.confirmed
-    assert log.texts("safe state") == ["ramp: motor switch-on disabled, load not confirmed; NOT CONFIRMED"]
+    assert log.texts("safe state") == ["ramp, quick-stop: motor switch-on disabled, load not confirmed; NOT CONFIRMED"]
     with contextlib.suppress(RigError):
         sim.bench.close()
 
