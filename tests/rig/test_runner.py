@@ -1,5 +1,6 @@
 import contextlib
 import itertools
+import math
 
 import pytest
 
@@ -10,6 +11,7 @@ from drivers.errors import (
     DriveFaultError,
     LimitError,
     NotConnectedError,
+    ReadingError,
     RigError,
     RigTimeoutError,
 )
@@ -299,6 +301,14 @@ def test_hands_on_the_bench_only_at_zero_torque(sim, intent):
     assert "zero torque" in str(outcome.error)
 
 
+def sweep_torque(value: float, cycles: int) -> Steps:
+    """Twist the locked output to and fro, once a second."""
+    yield SetLock(True)
+    for k in range(cycles):
+        yield Command(motor=Setpoint(Mode.TORQUE, value * math.sin(2e-3 * math.pi * k)))
+    return Result
+
+
 FAULT_CASES = [
     ("drive-fault", 1, DriveFaultError),
     ("reboot", 1, RigError),
@@ -307,6 +317,8 @@ FAULT_CASES = [
     ("mute", 4, RigError),
     ("short-pdo", 1, RigError),
     ("short-pdo", 4, RigError),
+    ("freeze-pdo", 1, ReadingError),
+    ("freeze-pdo", 4, ReadingError),
 ]
 
 
@@ -316,7 +328,7 @@ def test_a_fault_in_motion_ends_the_run_with_the_motor_released_and_the_log_kept
     sim.bench.open()
     FAULTS[fault].inject(sim.world, node, sim.world.time + 0.2)
     log = MemoryLog()
-    outcome = run_on(sim, hold_torque(0.05, 2000), log)
+    outcome = run_on(sim, sweep_torque(0.05, 2000), log)
     assert outcome.status in (Status.FAULT, Status.ERROR)
     assert isinstance(outcome.error, kind)
     assert outcome.error.exit_code == 3
@@ -327,6 +339,42 @@ def test_a_fault_in_motion_ends_the_run_with_the_motor_released_and_the_log_kept
     assert log.texts("safe state")
     with contextlib.suppress(RigError):  # what a device no longer answers cannot be restored, and is said
         sim.bench.close()
+
+
+def turn(mode: Mode, value: float, axis: str = "motor") -> Steps:
+    while True:
+        yield Command(**{axis: Setpoint(mode, value)})
+
+
+FROZEN_CASES = [
+    ("motor", 1, lambda: turn(Mode.TORQUE, 0.1)),
+    ("motor", 1, lambda: turn(Mode.TORQUE, 0.02)),
+    ("motor", 1, lambda: turn(Mode.VELOCITY, 5.0)),
+    ("motor", 1, lambda: turn(Mode.VELOCITY, 1.0)),
+    ("load", 2, lambda: turn(Mode.TORQUE, 6.0, "load")),
+    ("load", 2, lambda: turn(Mode.VELOCITY, 0.2, "load")),
+    ("output_encoder", 3, lambda: turn(Mode.VELOCITY, 5.0)),
+    ("torque_sensor", 4, lambda: sweep_torque(0.1, 3000)),
+]
+
+
+@pytest.mark.parametrize(("device", "node", "steps"), FROZEN_CASES)
+def test_a_frozen_reading_is_noticed_before_the_shaft_it_hides_is_too_fast(device, node, steps):
+    sim = sim_bench()
+    sim.bench.open()
+    FAULTS["freeze-pdo"].inject(sim.world, node, sim.world.time + 0.03)
+    log, peak = MemoryLog(), Peak(sim)
+    log.on_sample = peak.see
+    outcome = run_on(sim, steps(), log)
+    assert isinstance(outcome.error, ReadingError), outcome.error
+    assert outcome.error.device == device
+    assert outcome.error.exit_code == 3
+    assert outcome.error.facts["reaction"] == "quick-stop"
+    assert peak.speed < 220.0
+    assert outcome.safe_state.confirmed
+    sim.world.advance_to(sim.world.time + 2e-3)
+    assert released(sim)
+    sim.bench.close()
 
 
 def test_a_restart_in_motion_is_named_as_such():
