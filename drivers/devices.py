@@ -19,7 +19,8 @@ class DeviceConfig:
     `interface` and `channel` name the transport (a python-can interface, or a serial port), `address` the node
     id or port; `sign` maps a signal name to +1 or -1; `options` are the driver's own keys, checked by the driver.
     `cycle_time` in s; `heartbeat_time` in s is how long the device may go without the bench's heartbeat before
-    it stops the motor by itself.
+    it stops the motor by itself. `max_torque` N*m and `max_velocity` rad/s are what the bench's limits allow the
+    device's shaft, None where they say nothing.
     """
 
     name: str
@@ -30,6 +31,8 @@ class DeviceConfig:
     profile: str
     cycle_time: float
     heartbeat_time: float
+    max_torque: float | None = None
+    max_velocity: float | None = None
     sign: dict[str, int] = field(default_factory=dict)
     options: dict[str, Any] = field(default_factory=dict)
 

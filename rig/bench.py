@@ -12,7 +12,16 @@ from typing import Any, NamedTuple, Protocol, cast
 
 from drivers.clock import Clock
 from drivers.devices import DeviceBus, DeviceConfig, Drive, Sensor, TorqueSensor
-from drivers.errors import ConfigError, CycleError, DriveFaultError, LimitError, Mistake, NotConnectedError, RigError
+from drivers.errors import (
+    ConfigError,
+    CycleError,
+    DriveFaultError,
+    LimitError,
+    Mistake,
+    NotConnectedError,
+    ReadingError,
+    RigError,
+)
 from drivers.registry import all_drivers
 from drivers.types import Axis, DeviceEvent, DeviceInfo, DriveReading, DriveState, Mode, Sample, Setpoint
 from rig.config.bench import BenchFile
@@ -142,6 +151,13 @@ class Bench:
                 cycle=index,
                 what=f"The torque sensor is at the end of its range ({torque.value} N*m) in cycle {index}.",
                 hint="What it shows there is no torque: lower the load or use a larger sensor.",
+            )
+        if not encoder.valid:
+            raise ReadingError(
+                "output_encoder",
+                f"jumped to {encoder.value:.6g} rad in cycle {index}, further than the shaft can turn in one cycle",
+                state="",
+                hint="Check the encoder and its wiring, and whether its preset was changed.",
             )
         position, velocity, motor_torque = _by_mode(self._setpoints[Axis.MOTOR])
         _, _, load_torque = _by_mode(self._setpoints[Axis.LOAD])

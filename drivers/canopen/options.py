@@ -50,7 +50,7 @@ class DriveOptions(CommonOptions):
 
 @dataclass(frozen=True, slots=True)
 class EncoderOptions(CommonOptions):
-    """For an encoder. `max_velocity` rad/s: the fastest it will turn, checked against the unwrapping."""
+    """For an encoder. `max_velocity` rad/s: the fastest it will turn, the motor's speed limit if not given."""
 
     max_velocity: float | None = _option(None, 1e-9, 1e5)
 

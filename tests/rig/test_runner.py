@@ -341,6 +341,24 @@ def test_a_fault_in_motion_ends_the_run_with_the_motor_released_and_the_log_kept
         sim.bench.close()
 
 
+def test_an_encoder_that_jumps_ends_the_run_and_is_not_logged(sim):
+    """5 * 2^27 + 2^30 counts, as a preset does it: the wrapped angle would be -4825 rad."""
+
+    def jump(frame: Frame) -> Frame:
+        counts = (int.from_bytes(frame.data, "little") + 5 * 2**27 + 2**30) % 2**31
+        return Frame(frame.can_id, counts.to_bytes(4, "little"))
+
+    sim.world.schedule(sim.world.time + 0.2, lambda: sim.world.bus.add_hook(corrupt(process_data_of(3), jump)))
+    log = MemoryLog()
+    outcome = run_on(sim, sweep_torque(0.05, 2000), log)
+    assert isinstance(outcome.error, ReadingError)
+    assert outcome.error.device == "output_encoder"
+    assert "jumped to -4825" in str(outcome.error)
+    assert outcome.safe_state.confirmed
+    before = [sample.output_position for sample in log.samples if sample.time < 0.19]
+    assert max(map(abs, before)) < 0.01
+
+
 def turn(mode: Mode, value: float, axis: str = "motor") -> Steps:
     while True:
         yield Command(**{axis: Setpoint(mode, value)})
