@@ -4,7 +4,7 @@
 arrive is absent from it. No policy lives here: limits and the safe state belong to the runner.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -90,7 +90,22 @@ class Bench:
                 missing |= error.missing
         if missing:
             raise NotConnectedError(missing)
+        self._refuse_faults(infos)
         return tuple(infos)
+
+    def _refuse_faults(self, infos: Sequence[DeviceInfo] = ()) -> None:
+        """Raise DriveFaultError, with what it said when connected, for a drive in fault, even if it is not needed."""
+        for axis, drive in self._drives.items():
+            if drive.read().state not in _FAULTS:
+                continue
+            told = "; ".join(text for info in infos if info.name == axis for text in info.warnings)
+            raise DriveFaultError(
+                axis.value,
+                f"is in fault, so nothing is moved{f' ({told})' if told else ''}",
+                state=str(DriveState.FAULT),
+                hint="Remove the cause and reset it: switch its supply off and on, or use the maker's tool. "
+                "The bench resets no fault by itself.",
+            )
 
     def _name_parts(self) -> None:
         """Keep each role's device at hand for the cycle."""
@@ -116,7 +131,7 @@ class Bench:
     def apply(self, axis: Axis, setpoint: Setpoint | None) -> bool:
         """Queue a setpoint, or release the axis with None. Gives True if the drive changed its state for it.
 
-        What the drive refuses leaves the axis with the setpoint it has.
+        What the drive refuses leaves the axis with the setpoint it has. No axis is enabled while a drive is in fault.
         """
         drive = self._drive(axis)
         present = self._setpoints[axis]
@@ -128,6 +143,7 @@ class Bench:
         mode, value = setpoint
         changed = present is None or present.mode is not mode
         if changed:
+            self._refuse_faults()
             drive.enable(mode)
             self._setpoints[axis] = Setpoint(mode, drive.read().position if mode is Mode.POSITION else 0.0)
         drive.write(value)
@@ -331,6 +347,8 @@ _ABSENT_DRIVE = _AbsentDrive()
 _ABSENT_SENSOR = _AbsentSensor()
 _NO_COMMAND = (None, None, None)
 
+
+_FAULTS = (DriveState.FAULT, DriveState.FAULT_REACTION)
 
 _new_sample = partial(tuple.__new__, Sample)
 """Make a sample of all its fields in their order: a third of what `Sample(...)` by keywords takes, once per cycle."""

@@ -478,6 +478,34 @@ def test_a_silent_drive_does_not_hide_the_state_of_the_other():
         sim.bench.close()
 
 
+@pytest.mark.parametrize("node", [1, 2])
+def test_a_drive_that_is_in_fault_is_refused_when_the_bench_is_opened(node):
+    sim = sim_bench()
+    FAULTS["drive-fault"].inject(sim.world, node, 0.0)
+    sim.world.advance_to(0.05)
+    with pytest.raises(DriveFaultError, match=r"is in fault, so nothing is moved.*over-current.*reset it") as caught:
+        sim.bench.open()
+    assert caught.value.device == ("motor", "load")[node - 1]
+    assert caught.value.exit_code == 3
+    sim.bench.close()
+
+
+def test_no_axis_is_enabled_while_another_drive_is_in_fault(sim):
+    """The load drive, of which nothing is asked, goes to fault after the bench was opened."""
+    FAULTS["drive-fault"].inject(sim.world, 2, sim.world.time)
+
+    def wait_and_turn() -> Steps:
+        for _ in range(10):
+            yield Command()
+        yield Command(motor=Setpoint(Mode.TORQUE, 0.02))
+
+    outcome = run_on(sim, wait_and_turn(), MemoryLog())
+    assert isinstance(outcome.error, DriveFaultError)
+    assert outcome.error.device == "load"
+    assert sim.plant.truth().motor_torque == 0.0
+    assert outcome.safe_state.confirmed
+
+
 def test_a_refused_mode_is_an_error_and_nothing_moves(sim):
     FAULTS["refuse-mode"].inject(sim.world, 1, sim.world.time)
     log = MemoryLog()
