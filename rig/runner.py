@@ -37,6 +37,9 @@ QUICK_STOP_TIME = 0.5
 RUNAWAY = ("motor_velocity", "load_velocity", "motor_position", "load_position", "output_position")
 """Signals whose limit is broken by what moves on under a torque that is only slowly taken away."""
 
+UNLOCK_SHARE = 0.05
+"""Torque under which the output may be unlocked, as a share of its limit: above what a gear leaves wound up."""
+
 LISTENING_TIME = 0.5
 """How long to listen, s, after the devices fell silent: longer than a drive takes to restart."""
 
@@ -228,19 +231,21 @@ class _Execution:
                     self._command(intent)
                     sample = self._cycle()
                 else:
-                    self._carry_out(intent)
+                    self._carry_out(intent, sample)
                 intent = steps.send(sample)
         except StopIteration as end:
             evaluate: Evaluation = end.value
             return evaluate
 
-    def _carry_out(self, intent: Intent) -> None:
+    def _carry_out(self, intent: Intent, sample: Sample) -> None:
         match intent:
             case Mark():
                 self._phase = intent
                 self.say("phase", intent.phase)
             case SetLock(locked):
                 self._require_released("the output lock may only change")
+                if not locked:
+                    self._require_unloaded(sample)
                 self.say("operator", "lock the output" if locked else "release the output")
                 self._wait_for(self._bench.set_lock(locked))
                 self.watch.start_travel()
@@ -267,6 +272,22 @@ class _Execution:
                 "procedure",
                 [Mistake("intent", "axes energised", f"{what} at zero torque, with both drives released")],
             )
+
+    def _require_unloaded(self, sample: Sample) -> None:
+        """Refuse to unlock an output that would fly off. Raises LimitError."""
+        torque, bound = sample.output_torque, UNLOCK_SHARE * self._limits.output_torque
+        if torque is None or abs(torque) <= bound:
+            return
+        raise LimitError(
+            "output_torque",
+            torque,
+            bound,
+            "N*m",
+            cycle=sample.cycle,
+            what=f"The output carries {torque:.4g} N*m in cycle {sample.cycle}, and the lock opens under no more than "
+            f"{bound:.4g} N*m ({UNLOCK_SHARE:.0%} of the limit output_torque); it was not opened.",
+            hint="Take the load off, or turn the motor by hand until the torque is gone.",
+        )
 
     def _reschedule(self) -> None:
         self._deadline = self._clock.now()

@@ -309,6 +309,37 @@ def sweep_torque(value: float, cycles: int) -> Steps:
     return Result
 
 
+def wind_up_and_unlock() -> Steps:
+    """Leave in the gear what its friction holds when the motor is released at 20 mN*m: 0.55 N*m at the output."""
+    yield SetLock(True)
+    for k in range(200):
+        yield Command(motor=Setpoint(Mode.TORQUE, 1e-4 * k))
+    for _ in range(200):
+        yield Command()
+    yield SetLock(False)
+    yield Mark("unlocked")
+    return Result
+
+
+def test_an_output_that_carries_torque_is_not_unlocked():
+    sim = sim_bench(("output_torque = 30.0", "output_torque = 5.0"))
+    sim.bench.open()
+    log = MemoryLog()
+    outcome = run_on(sim, wind_up_and_unlock(), log)
+    assert isinstance(outcome.error, LimitError)
+    assert "it was not opened" in str(outcome.error)
+    assert (outcome.error.signal, outcome.error.limit, outcome.error.unit) == ("output_torque", 0.25, "N*m")
+    assert outcome.error.value == pytest.approx(0.55, abs=0.1)  # 20 mN*m rms of noise
+    assert sim.plant.locked
+    sim.bench.close()
+
+
+def test_an_output_that_carries_little_torque_is_unlocked(sim):
+    outcome = run_on(sim, wind_up_and_unlock(), log := MemoryLog())
+    assert outcome.error is None
+    assert log.texts("phase") == ["unlocked"]
+
+
 FAULT_CASES = [
     ("drive-fault", 1, DriveFaultError),
     ("reboot", 1, RigError),
