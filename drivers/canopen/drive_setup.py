@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from drivers.canopen.errors import SdoAbortError
 from drivers.canopen.node import CanopenNode
 from drivers.canopen.objects import (
     ABORT_CONNECTION_OPTION,
@@ -107,7 +108,10 @@ def set_watchdog(
         warnings.append(f"it has no {QUICK_STOP_OPTION}: how it stops is up to the device")
     else:
         option = options.quick_stop_option
-        node.change(QUICK_STOP_OPTION, option if option is not None else profile.quick_stop_option)
+        if option is None:
+            node.change(QUICK_STOP_OPTION, profile.quick_stop_option)
+        else:
+            _order(node, QUICK_STOP_OPTION, option, "quick_stop_option", option)
     try:
         node.change(HEARTBEAT_CONSUMER, options.master_id << 16 | round(watchdog_time * 1000))
         node.change(ABORT_CONNECTION_OPTION, QUICK_STOP_WHEN_LOST)
@@ -121,8 +125,20 @@ def _set_limit(node: CanopenNode, ref: ObjectRef, raw: int, option: str, value: 
     largest = (1 << 8 * ref.size) - 1
     if not 1 <= raw <= largest:
         rule = f"gives {raw} {unit} for {ref}, which takes 1 to {largest}"
-        raise ConfigError(f"device '{node.name}'", [Mistake(f"options.{option}", value, rule)])
-    node.change(ref, raw)
+        raise _wrong_option(node, option, value, rule)
+    _order(node, ref, raw, option, value)
+
+
+def _order(node: CanopenNode, ref: ObjectRef, raw: int, option: str, value: float) -> None:
+    """Set what an option of the bench file asks for. Raises ConfigError naming the option if the drive refuses it."""
+    try:
+        node.change(ref, raw)
+    except SdoAbortError as error:
+        raise _wrong_option(node, option, value, f"refused by the drive: {error.message}") from error
+
+
+def _wrong_option(node: CanopenNode, option: str, value: float, rule: str) -> ConfigError:
+    return ConfigError("bench", [Mistake(f"devices.{node.name}.options.{option}", value, rule)])
 
 
 def _sign(signs: Mapping[str, int], suffix: str) -> int:

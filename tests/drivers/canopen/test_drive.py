@@ -74,8 +74,16 @@ def test_limits_from_the_bench_file_are_set_in_the_drive() -> None:
 
 def test_a_limit_that_the_drive_cannot_hold_is_a_configuration_error() -> None:
     bench = simulated_bench(replace(MOTOR, options={"max_torque": 1e-5}))
-    with pytest.raises(ConfigError, match=r"options.max_torque = 1e-05.*0x6072"):
+    with pytest.raises(ConfigError, match=r"devices\.motor\.options\.max_torque = 1e-05.*0x6072"):
         bench.motor.connect()
+
+
+def test_an_option_that_the_drive_refuses_is_named_as_the_bench_file_has_it() -> None:
+    bench = simulated_bench(replace(MOTOR, options={"quick_stop_option": 99}))
+    with pytest.raises(ConfigError, match=r"devices\.motor\.options\.quick_stop_option = 99: refused.*0x605A") as got:
+        bench.motor.connect()
+    assert got.value.exit_code == 2
+    bench.motor.close()
 
 
 def test_a_silent_node_is_not_connected_and_closing_it_sends_nothing() -> None:
