@@ -117,7 +117,7 @@ class Cia402Drive:
         elif state is not DriveState.SWITCH_ON_DISABLED:
             self.disable()
         self._units = read_units(self._config, self._profile, node)
-        full_scale = set_limits(self._options, self._profile, node, self._units)
+        full_scale, unlimited = set_limits(self._config, self._options, self._profile, node, self._units)
         watchdog_time = self._heartbeat.watchdog_time
         self._no_watchdog, more = set_watchdog(self._options, self._profile, node, watchdog_time)
         node.map_pdos(Direction.TPDO, (FEEDBACK,))
@@ -135,7 +135,7 @@ class Cia402Drive:
             resolution=abs(self._units.torque),
             full_scale=full_scale,
             changed=node.changed,
-            warnings=warnings + more,
+            warnings=warnings + unlimited + more,
         )
 
     def enable(self, mode: Mode) -> None:

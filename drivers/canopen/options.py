@@ -32,7 +32,8 @@ class CommonOptions:
 class DriveOptions(CommonOptions):
     """For a drive.
 
-    `max_torque` N*m (0x6072) and `max_velocity` rad/s (0x6080) are set in the drive if given. `quick_stop_option`
+    `max_torque` N*m (0x6072) and `max_velocity` rad/s (0x6080) are set in the drive; if not given, the bench's limits
+    with a tenth more, unless the drive keeps lower ones. `quick_stop_option`
     is 0x605A, the profile's if not given. `external_watchdog`: something else takes the torque away when the bench
     dies, so a drive without heartbeat watchdog may be enabled. `state_timeout` s for each change of state and
     `mode_timeout` s for a change of mode; while enabling, both end at half the watchdog time.

@@ -426,6 +426,31 @@ def test_a_frozen_reading_is_noticed_before_the_shaft_it_hides_is_too_fast(devic
     sim.bench.close()
 
 
+def without(role: str, driver: str, node: int, comment: str = "") -> tuple[str, str]:
+    block = (
+        f'[devices.{role}]{comment}\ndriver = "{driver}"\ninterface = "simulated"\nchannel = "bench"\nnode = {node}\n'
+    )
+    return block, ""
+
+
+def test_a_frozen_motor_that_no_other_device_shows_is_held_by_the_speed_limit_in_its_drive():
+    sim = sim_bench(
+        without("load", "cia402", 2, "                    # the load drive, on the output"),
+        without("output_encoder", "cia406", 3),
+        without("torque_sensor", "cia404", 4),
+    )
+    sim.bench.open()
+    FAULTS["freeze-pdo"].inject(sim.world, 1, sim.world.time + 0.03)
+    log, peak = MemoryLog(), Peak(sim)
+    log.on_sample = peak.see
+    stop = Stop()
+    sim.world.schedule(sim.world.time + 0.5, lambda: stop.request("SIGINT"))
+    outcome = run_on(sim, turn(Mode.TORQUE, 0.1), log, stop)
+    assert isinstance(outcome.error, AbortedError)
+    assert peak.speed < 1.1 * 220.0 + 3.0  # what 0.1 N*m adds in the drive's cycle of 1 ms
+    sim.bench.close()
+
+
 def test_a_restart_in_motion_is_named_as_such():
     sim = sim_bench()
     sim.bench.open()

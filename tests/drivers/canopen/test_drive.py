@@ -72,6 +72,40 @@ def test_limits_from_the_bench_file_are_set_in_the_drive() -> None:
     assert bench.value(1, 0x6080) == math.floor(100.0 * 60 / (2 * math.pi))
 
 
+def test_the_drive_keeps_the_limits_of_the_bench_with_a_tenth_more() -> None:
+    bench = simulated_bench(replace(MOTOR, max_torque=0.25, max_velocity=220.0))
+    before = bench.value(1, 0x6072), bench.value(1, 0x6080)
+    info = bench.motor.connect()
+    assert bench.value(1, 0x6072) == math.floor(1000 * 1.1 * 0.25 / RATED)
+    assert bench.value(1, 0x6080) == math.floor(1.1 * 220.0 * 60 / (2 * math.pi))
+    assert info.full_scale == pytest.approx(0.275, abs=RATED / 1000)
+    bench.motor.close()
+    assert (bench.value(1, 0x6072), bench.value(1, 0x6080)) == before
+
+
+def test_a_lower_limit_of_the_drive_is_left_as_it_is() -> None:
+    bench = simulated_bench(replace(MOTOR, max_torque=10.0, max_velocity=1e4)).connect()
+    assert bench.value(1, 0x6072) == round(1000 * MOTOR_DRIVE.max_torque / RATED)
+    assert bench.value(1, 0x6080) == round(MOTOR_DRIVE.max_speed * 60 / (2 * math.pi))
+
+
+def test_a_drive_that_keeps_no_limits_connects_with_a_warning() -> None:
+    bare = NodeOptions(hidden=frozenset({0x6072, 0x6080}))
+    bench = simulated_bench(replace(MOTOR, max_torque=0.25, max_velocity=220.0), options=bare)
+    told = " ".join(bench.motor.connect().warnings)
+    assert "no limit of 0.25 by itself" in told
+    assert "no limit of 220 by itself" in told
+
+
+def test_a_drive_leaves_operational_when_the_bench_falls_silent_whatever_it_was_set_to() -> None:
+    bench = simulated_bench(MOTOR)
+    bench.node(1).dictionary[0x1029, 1].value = 1  # stay as it is
+    bench.motor.connect()
+    assert bench.value(1, 0x1029, 1) == 0
+    bench.motor.close()
+    assert bench.value(1, 0x1029, 1) == 1
+
+
 def test_a_limit_that_the_drive_cannot_hold_is_a_configuration_error() -> None:
     bench = simulated_bench(replace(MOTOR, options={"max_torque": 1e-5}))
     with pytest.raises(ConfigError, match=r"devices\.motor\.options\.max_torque = 1e-05.*0x6072"):
