@@ -4,7 +4,7 @@
 arrive is absent from it. No policy lives here: limits and the safe state belong to the runner.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -30,6 +30,8 @@ from rig.operator import Answered
 STALE_CYCLES = 5
 """A device that has not answered for this many cycles makes the bench stop."""
 
+NO_ANSWER_HINT = "Check the device's power and wiring and its node id in the bench file."
+
 Transports = Mapping[tuple[str, str], Any]
 """Open python-can buses by (interface, channel), for benches whose bus is not opened by name."""
 
@@ -42,11 +44,11 @@ class FixtureLock(Protocol):
 
 
 class CycleReport(NamedTuple):
-    """One cycle: the `sample` to log, the same with the last known values filled in, and how many were missing."""
+    """One cycle: the `sample` to log, the same with the last known values filled in, and which devices were missing."""
 
     sample: Sample
     filled: Sample
-    missing: int
+    missing: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,20 +207,25 @@ class Bench:
             )
         )
         if not (motor.age or load.age or encoder.age or torque.age):
-            return CycleReport(filled, filled, 0)
+            return CycleReport(filled, filled)
         ages = {"motor": motor.age, "load": load.age, "output_encoder": encoder.age, "torque_sensor": torque.age}
         stale = {name: age for name, age in ages.items() if age > 0}
         oldest = max(stale.values())
         if oldest > STALE_CYCLES:
             raise CycleError(
-                f"No reading from {', '.join(stale)} for {oldest} cycles at {time:.3f} s",
+                f"No answer from {self.located(stale)} for {oldest} cycles at {time:.3f} s",
                 late=int(late),
                 missing=oldest,
                 worst_age=oldest * self.config.cycle_time,
                 limit=STALE_CYCLES,
-                hint="Check the device's power and wiring; the log up to here is complete.",
+                hint=NO_ANSWER_HINT,
             )
-        return CycleReport(_without(filled, stale), filled, len(stale))
+        return CycleReport(_without(filled, stale), filled, tuple(stale))
+
+    def located(self, roles: Iterable[str]) -> str:
+        """Name devices with where they are, for messages."""
+        devices = self.config.devices
+        return " and ".join(f"'{role}' (node {devices[role].node} on {devices[role].channel})" for role in roles)
 
     @property
     def axes(self) -> tuple[Axis, ...]:

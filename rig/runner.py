@@ -23,7 +23,7 @@ from drivers.errors import (
 )
 from drivers.types import Axis, DeviceEvent, DriveState, Mode, Sample, Setpoint
 from procedures.intents import Ask, Command, Evaluation, Intent, Mark, Result, SetLock, Steps, Tare
-from rig.bench import Bench
+from rig.bench import NO_ANSWER_HINT, Bench
 from rig.config.bench import Reaction
 from rig.frozen import CHECK_TIME, FrozenWatch
 from rig.limits import LimitWatch
@@ -312,7 +312,8 @@ class _Execution:
             self._deadline += self._cycle_time
             self._clock.sleep_until(self._deadline)
         now = self._clock.now()
-        late = now > self._deadline + 0.5 * self._cycle_time
+        due = self._deadline
+        late = now > due + 0.5 * self._cycle_time
         if late:
             self.late += 1
             self._deadline = now
@@ -323,21 +324,30 @@ class _Execution:
             report = self._bench.cycle(self.time, self.index, late)
         finally:
             self._log_events(self._bench.events())
-        self.missing += report.missing
+        self.missing += len(report.missing)
         self._log.write(report.sample)
         self.index += 1
         self.watch.observe(report.filled)
         self.watch.check(report.filled)
         if self.index % self._look_every == 0:
             self._frozen.look(report.filled, {axis: self._bench.setpoint(axis) for axis in Axis})
-        if self.late > self._limits.late_cycles or self.missing > self._limits.missing_cycles:
+        if report.missing and self.missing > self._limits.missing_cycles:
             raise CycleError(
-                f"Too many late or missing cycles at {self.time:.3f} s",
+                f"No answer from {self._bench.located(report.missing)} at {self.time:.3f} s",
                 late=self.late,
                 missing=self.missing,
-                worst_age=now - self._deadline if late else self._cycle_time,
-                limit=self._limits.late_cycles if late else self._limits.missing_cycles,
-                hint="Close other programs, lower cycle_rate, or raise the limit in the bench file.",
+                worst_age=self._cycle_time,
+                limit=self._limits.missing_cycles,
+                hint=f"{NO_ANSWER_HINT} limits.missing_cycles allows for single losses.",
+            )
+        if late and self.late > self._limits.late_cycles:
+            raise CycleError(
+                f"Too many late cycles at {self.time:.3f} s",
+                late=self.late,
+                missing=self.missing,
+                worst_age=now - due,
+                limit=self._limits.late_cycles,
+                hint="Close other programs, lower cycle_rate, or raise limits.late_cycles in the bench file.",
             )
         if self._on_progress is not None and self.index % self._progress_every == 0:
             self._on_progress(Progress(self.time, self._phase.phase, self._phase.duration, report.filled))

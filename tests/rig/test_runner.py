@@ -624,6 +624,22 @@ def test_more_missing_readings_than_allowed_end_the_run(sim):
     assert isinstance(outcome.error, CycleError)
     assert outcome.error.missing == 1
     assert outcome.error.limit == 0
+    assert str(outcome.error).startswith("No answer from 'torque_sensor' (node 4 on bench) at 0.05")
+    assert "limits.missing_cycles" in str(outcome.error)
+
+
+def test_late_cycles_are_counted_and_more_than_allowed_end_the_run():
+    sim = sim_bench(("late_cycles = 0", "late_cycles = 1"))
+    sim.bench.open()
+    log = MemoryLog()
+    log.on_sample = lambda s: sim.world.advance_to(sim.world.time + 2e-3) if s.cycle in (50, 60) else None
+    outcome = run_on(sim, hold_torque(0.01, 1000), log)
+    assert isinstance(outcome.error, CycleError)
+    assert (outcome.error.late, outcome.error.missing, outcome.error.limit) == (2, 0, 1)
+    assert outcome.error.worst_age == pytest.approx(1e-3)  # 2 ms lost, of which the cycle takes one
+    assert str(outcome.error).startswith("Too many late cycles at 0.06")
+    assert "lower cycle_rate" in str(outcome.error)
+    sim.bench.close()
 
 
 def test_all_devices_that_do_not_answer_are_named_in_one_error():
