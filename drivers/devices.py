@@ -4,12 +4,18 @@ A driver turns SI intents into frames and frames into typed readings. It holds n
 nothing and never hides a fault behind a retry. Every state change is read back; `close` works on a half-open device.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from drivers.clock import Clock
 from drivers.types import DeviceEvent, DeviceInfo, DriveReading, DriveState, Mode, SensorReading
+
+if TYPE_CHECKING:
+    import can
+
+OptionValue = bool | int | float | str
+"""What an option of a device may be in the bench file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +39,8 @@ class DeviceConfig:
     heartbeat_time: float
     max_torque: float | None = None
     max_velocity: float | None = None
-    sign: dict[str, int] = field(default_factory=dict)
-    options: dict[str, Any] = field(default_factory=dict)
+    sign: Mapping[str, int] = field(default_factory=dict)
+    options: Mapping[str, OptionValue] = field(default_factory=dict)
 
 
 @runtime_checkable
@@ -114,5 +120,7 @@ class DeviceBus(Protocol):
 class BusFactory(Protocol):
     """Opens the transport that `configs` share; one per driver family, found in `drivers.registry`."""
 
-    def __call__(self, configs: Sequence[DeviceConfig], clock: Clock, transport: Any = None) -> DeviceBus:
+    def __call__(
+        self, configs: Sequence[DeviceConfig], clock: Clock, transport: "can.BusABC | None" = None
+    ) -> DeviceBus:
         """Open the bus. `transport`: an open python-can bus to use instead of opening `interface`/`channel`."""

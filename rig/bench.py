@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple, Protocol, cast
+from typing import TYPE_CHECKING, NamedTuple, Protocol, cast
 
 from drivers.clock import Clock
 from drivers.devices import DeviceBus, DeviceConfig, Drive, Sensor, TorqueSensor
@@ -27,12 +27,15 @@ from drivers.types import Axis, DeviceEvent, DeviceInfo, DriveReading, DriveStat
 from rig.config.bench import BenchFile
 from rig.operator import Answered
 
+if TYPE_CHECKING:
+    import can
+
 STALE_CYCLES = 5
 """A device that has not answered for this many cycles makes the bench stop."""
 
 NO_ANSWER_HINT = "Check the device's power and wiring and its node id in the bench file."
 
-Transports = Mapping[tuple[str, str], Any]
+Transports = Mapping[tuple[str, str], "can.BusABC"]
 """Open python-can buses by (interface, channel), for benches whose bus is not opened by name."""
 
 
@@ -389,5 +392,5 @@ _FIELDS_OF_ROLE: Mapping[str, tuple[str, ...]] = {
 
 
 def _without(sample: Sample, roles: Mapping[str, int]) -> Sample:
-    absent: dict[str, Any] = {name: None for role in roles for name in _FIELDS_OF_ROLE[role]}
-    return sample._replace(**absent)
+    absent = {name for role in roles for name in _FIELDS_OF_ROLE[role]}
+    return Sample._make(None if name in absent else value for name, value in zip(Sample._fields, sample, strict=True))

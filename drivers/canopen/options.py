@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from drivers.canopen.profiles import TORQUE_UNITS
+from drivers.devices import OptionValue
 from drivers.errors import Mistake
 
 PASSED_THROUGH = "can_"
@@ -75,7 +76,7 @@ _OPTIONAL_KINDS: Mapping[str, type] = {"unit": str, "quick_stop_option": int}
 """Type of the options whose default None does not tell it; the others are float."""
 
 
-def read_options(kind: type[Options], options: Mapping[str, Any], path: str) -> tuple[Options, list[Mistake]]:
+def read_options(kind: type[Options], options: Mapping[str, OptionValue], path: str) -> tuple[Options, list[Mistake]]:
     """Give the options of one device with defaults filled in, and every mistake found under `path`."""
     known = {field.name: field for field in dataclasses.fields(kind)}
     values: dict[str, Any] = {}
@@ -97,7 +98,7 @@ def read_options(kind: type[Options], options: Mapping[str, Any], path: str) -> 
     return kind(**values), mistakes
 
 
-def _broken_rule(value: Any, kind: type, bounds: Mapping[str, float]) -> str:
+def _broken_rule(value: OptionValue, kind: type, bounds: Mapping[str, float]) -> str:
     if kind is str:
         return "" if value in TORQUE_UNITS else f"expected one of {', '.join(TORQUE_UNITS)}"
     if kind is bool:
