@@ -309,7 +309,7 @@ class Bench:
         self._buses.clear()
         if failures:
             for other in failures[1:]:
-                failures[0].add_note(str(other))
+                failures[0].add_note(" ".join((str(other), *getattr(other, "__notes__", ()))))
             raise failures[0]
 
     def _drive(self, axis: Axis) -> Drive:

@@ -216,7 +216,7 @@ def _closed(bench: Bench, error: RigError | None) -> RigError | None:
     except RigError as closing:
         if error is None:
             return closing
-        error.add_note(f"Closing the bench failed too: {closing}")
+        error.add_note(" ".join((f"Closing the bench failed too: {closing}", *getattr(closing, "__notes__", ()))))
     return error
 
 
