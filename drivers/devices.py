@@ -4,12 +4,18 @@ A driver turns SI intents into frames and frames into typed readings. It holds n
 nothing and never hides a fault behind a retry. Every state change is read back; `close` works on a half-open device.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from drivers.clock import Clock
 from drivers.types import DeviceEvent, DeviceInfo, DriveReading, DriveState, Mode, SensorReading
+
+if TYPE_CHECKING:
+    import can
+
+OptionValue = bool | int | float | str
+"""What an option of a device may be in the bench file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +25,8 @@ class DeviceConfig:
     `interface` and `channel` name the transport (a python-can interface, or a serial port), `address` the node
     id or port; `sign` maps a signal name to +1 or -1; `options` are the driver's own keys, checked by the driver.
     `cycle_time` in s; `heartbeat_time` in s is how long the device may go without the bench's heartbeat before
-    it stops the motor by itself.
+    it stops the motor by itself. `max_torque` N*m and `max_velocity` rad/s are what the bench's limits allow the
+    device's shaft, None where they say nothing.
     """
 
     name: str
@@ -30,8 +37,10 @@ class DeviceConfig:
     profile: str
     cycle_time: float
     heartbeat_time: float
-    sign: dict[str, int] = field(default_factory=dict)
-    options: dict[str, Any] = field(default_factory=dict)
+    max_torque: float | None = None
+    max_velocity: float | None = None
+    sign: Mapping[str, int] = field(default_factory=dict)
+    options: Mapping[str, OptionValue] = field(default_factory=dict)
 
 
 @runtime_checkable
@@ -98,6 +107,9 @@ class DeviceBus(Protocol):
     def exchange(self) -> None:
         """Run one cycle: send the queued setpoints, SYNC, and collect every device's reading."""
 
+    def listen(self) -> None:
+        """Take in what has arrived and send nothing, so that no watchdog is fed."""
+
     def events(self) -> Sequence[DeviceEvent]:
         """Give what the devices reported by themselves since the last call."""
 
@@ -108,5 +120,7 @@ class DeviceBus(Protocol):
 class BusFactory(Protocol):
     """Opens the transport that `configs` share; one per driver family, found in `drivers.registry`."""
 
-    def __call__(self, configs: Sequence[DeviceConfig], clock: Clock, transport: Any = None) -> DeviceBus:
+    def __call__(
+        self, configs: Sequence[DeviceConfig], clock: Clock, transport: "can.BusABC | None" = None
+    ) -> DeviceBus:
         """Open the bus. `transport`: an open python-can bus to use instead of opening `interface`/`channel`."""

@@ -4,6 +4,7 @@
     +-- ConfigError        2   a file or an option is wrong; every mistake at once
     +-- NotConnectedError  3   devices that did not answer
     +-- DriveFaultError    3   a drive reported a fault, refused a state or a mode, or rebooted
+    |   +-- ReadingError   3   a device answers, but what it says cannot be true
     +-- LimitError         3   a safety limit was reached in motion
     +-- CycleError         3   too many late or missing cycles
     +-- RigTimeoutError    3   something awaited did not come (also a TimeoutError)
@@ -112,6 +113,12 @@ class DriveFaultError(RigError):
             error_register=error_register,
             last_setpoint=last_setpoint,
         )
+
+
+class ReadingError(DriveFaultError):
+    """A device, drive or sensor, answers, but what it says cannot be true: it is frozen, or it jumped."""
+
+    noun = "Device"
 
 
 class LimitError(RigError):

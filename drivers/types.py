@@ -143,7 +143,8 @@ class Sample(NamedTuple):
 class Limits:
     """What the bench never exceeds, checked every cycle. Torques N*m, speeds rad/s, travel rad, temperature degC.
 
-    `motor_travel` and `output_travel` bound the distance from where a run began; infinity: no bound declared.
+    `motor_travel`, `output_travel` and `load_travel` bound the distance from where a run began; infinity: no bound
+    declared.
     `late_cycles` and `missing_cycles` are counts per run.
     """
 
@@ -153,6 +154,8 @@ class Limits:
     motor_travel: float = math.inf
     output_travel: float = math.inf
     load_torque: float = math.inf
+    load_velocity: float = math.inf
+    load_travel: float = math.inf
     temperature: float = math.inf
     late_cycles: int = 0
     missing_cycles: int = 0

@@ -4,23 +4,38 @@
 arrive is absent from it. No policy lives here: limits and the safe state belong to the runner.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple, Protocol, cast
+from typing import TYPE_CHECKING, NamedTuple, Protocol, cast
 
 from drivers.clock import Clock
 from drivers.devices import DeviceBus, DeviceConfig, Drive, Sensor, TorqueSensor
-from drivers.errors import ConfigError, CycleError, DriveFaultError, LimitError, Mistake, NotConnectedError, RigError
+from drivers.errors import (
+    ConfigError,
+    CycleError,
+    DriveFaultError,
+    LimitError,
+    Mistake,
+    NotConnectedError,
+    ReadingError,
+    RigError,
+)
 from drivers.registry import all_drivers
 from drivers.types import Axis, DeviceEvent, DeviceInfo, DriveReading, DriveState, Mode, Sample, Setpoint
 from rig.config.bench import BenchFile
 from rig.operator import Answered
 
+if TYPE_CHECKING:
+    import can
+
 STALE_CYCLES = 5
 """A device that has not answered for this many cycles makes the bench stop."""
 
-Transports = Mapping[tuple[str, str], Any]
+NO_ANSWER_HINT = "Check the device's power and wiring and its node id in the bench file."
+
+Transports = Mapping[tuple[str, str], "can.BusABC"]
 """Open python-can buses by (interface, channel), for benches whose bus is not opened by name."""
 
 
@@ -32,11 +47,19 @@ class FixtureLock(Protocol):
 
 
 class CycleReport(NamedTuple):
-    """One cycle: the `sample` to log, the same with the last known values filled in, and how many were missing."""
+    """One cycle: the `sample` to log, the same with the last known values filled in, and which devices were missing."""
 
     sample: Sample
     filled: Sample
-    missing: int
+    missing: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Stopped:
+    """What came of stopping all drives: the states read back, and the `failure` of those that gave none."""
+
+    states: Mapping[Axis, DriveState]
+    failure: RigError | None = None
 
 
 class Bench:
@@ -52,8 +75,7 @@ class Bench:
         self._buses: list[DeviceBus] = []
         self._devices: dict[str, Drive | Sensor] = {}
         self._drives: dict[Axis, Drive] = {}
-        self._modes: dict[Axis, Mode | None] = {Axis.MOTOR: None, Axis.LOAD: None}
-        self._commands: dict[Axis, Setpoint | None] = {Axis.MOTOR: None, Axis.LOAD: None}
+        self._setpoints: dict[Axis, Setpoint | None] = {Axis.MOTOR: None, Axis.LOAD: None}
 
     def open(self) -> tuple[DeviceInfo, ...]:
         """Connect every device; give what each said of itself. Names all that do not answer in one error."""
@@ -73,7 +95,22 @@ class Bench:
                 missing |= error.missing
         if missing:
             raise NotConnectedError(missing)
+        self._refuse_faults(infos)
         return tuple(infos)
+
+    def _refuse_faults(self, infos: Sequence[DeviceInfo] = ()) -> None:
+        """Raise DriveFaultError, with what it said when connected, for a drive in fault, even if it is not needed."""
+        for axis, drive in self._drives.items():
+            if drive.read().state not in _FAULTS:
+                continue
+            told = "; ".join(text for info in infos if info.name == axis for text in info.warnings)
+            raise DriveFaultError(
+                axis.value,
+                f"is in fault, so nothing is moved{f' ({told})' if told else ''}",
+                state=str(DriveState.FAULT),
+                hint="Remove the cause and reset it: switch its supply off and on, or use the maker's tool. "
+                "The bench resets no fault by itself.",
+            )
 
     def _name_parts(self) -> None:
         """Keep each role's device at hand for the cycle."""
@@ -92,29 +129,30 @@ class Bench:
         """Tell whether the bench file names this role."""
         return role in self.config.devices
 
-    def mode(self, axis: Axis) -> Mode | None:
-        """Give what the axis regulates, None while it is released."""
-        return self._modes[axis]
-
-    def commanded(self, axis: Axis) -> float:
-        """Give the last setpoint of the axis in its mode's unit, 0 while it is released."""
-        setpoint = self._commands[axis]
-        return setpoint.value if setpoint is not None else 0.0
+    def setpoint(self, axis: Axis) -> Setpoint | None:
+        """Give what the axis was last told and took, None while it is released."""
+        return self._setpoints[axis]
 
     def apply(self, axis: Axis, setpoint: Setpoint | None) -> bool:
-        """Queue a setpoint, or release the axis with None. Gives True if the drive changed its state for it."""
+        """Queue a setpoint, or release the axis with None. Gives True if the drive changed its state for it.
+
+        What the drive refuses leaves the axis with the setpoint it has. No axis is enabled while a drive is in fault.
+        """
         drive = self._drive(axis)
-        self._commands[axis] = setpoint
-        wanted = setpoint.mode if setpoint is not None else None
-        changed = wanted is not self._modes[axis]
-        if changed:
-            if wanted is None:
+        present = self._setpoints[axis]
+        if setpoint is None:
+            if present is not None:
                 drive.disable()
-            else:
-                drive.enable(wanted)
-            self._modes[axis] = wanted
-        if setpoint is not None:
-            drive.write(setpoint.value)
+                self._setpoints[axis] = None
+            return present is not None
+        mode, value = setpoint
+        changed = present is None or present.mode is not mode
+        if changed:
+            self._refuse_faults()
+            drive.enable(mode)
+            self._setpoints[axis] = Setpoint(mode, drive.read().position if mode is Mode.POSITION else 0.0)
+        drive.write(value)
+        self._setpoints[axis] = setpoint
         return changed
 
     def cycle(self, time: float, index: int, late: bool) -> CycleReport:
@@ -135,8 +173,15 @@ class Bench:
                 what=f"The torque sensor is at the end of its range ({torque.value} N*m) in cycle {index}.",
                 hint="What it shows there is no torque: lower the load or use a larger sensor.",
             )
-        position, velocity, motor_torque = _by_mode(self._commands[Axis.MOTOR])
-        _, _, load_torque = _by_mode(self._commands[Axis.LOAD])
+        if not encoder.valid:
+            raise ReadingError(
+                "output_encoder",
+                f"jumped to {encoder.value:.6g} rad in cycle {index}, further than the shaft can turn in one cycle",
+                state="",
+                hint="Check the encoder and its wiring, and whether its preset was changed.",
+            )
+        position, velocity, motor_torque = _by_mode(self._setpoints[Axis.MOTOR])
+        _, _, load_torque = _by_mode(self._setpoints[Axis.LOAD])
         filled = _new_sample(
             (
                 time,
@@ -165,20 +210,30 @@ class Bench:
             )
         )
         if not (motor.age or load.age or encoder.age or torque.age):
-            return CycleReport(filled, filled, 0)
+            return CycleReport(filled, filled)
         ages = {"motor": motor.age, "load": load.age, "output_encoder": encoder.age, "torque_sensor": torque.age}
         stale = {name: age for name, age in ages.items() if age > 0}
         oldest = max(stale.values())
         if oldest > STALE_CYCLES:
             raise CycleError(
-                f"No reading from {', '.join(stale)} for {oldest} cycles at {time:.3f} s",
+                f"No answer from {self.located(stale)} for {oldest} cycles at {time:.3f} s",
                 late=int(late),
                 missing=oldest,
                 worst_age=oldest * self.config.cycle_time,
                 limit=STALE_CYCLES,
-                hint="Check the device's power and wiring; the log up to here is complete.",
+                hint=NO_ANSWER_HINT,
             )
-        return CycleReport(_without(filled, stale), filled, len(stale))
+        return CycleReport(_without(filled, stale), filled, tuple(stale))
+
+    def located(self, roles: Iterable[str]) -> str:
+        """Name devices with where they are, for messages."""
+        devices = self.config.devices
+        return " and ".join(f"'{role}' (node {devices[role].node} on {devices[role].channel})" for role in roles)
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """Give the axes that have a drive."""
+        return tuple(self._drives)
 
     def readings(self) -> Mapping[Axis, DriveReading]:
         """Give the latest reading of each drive."""
@@ -192,27 +247,27 @@ class Bench:
         return found
 
     def listen(self) -> list[DeviceEvent]:
-        """Exchange one cycle after a failure and give only what the devices reported by themselves."""
+        """Give what the devices reported by themselves, without sending anything: after a failure nothing is fed."""
         for bus in self._buses:
             with suppress(RigError):  # the run has failed already; what its devices say may tell why
-                bus.exchange()
+                bus.listen()
         return self.events()
 
-    def disable(self) -> Mapping[Axis, DriveState]:
-        """Take the torque from every drive; give the states read back. A drive that fails does not stop the next."""
+    def disable(self) -> Stopped:
+        """Take the torque from every drive. A drive that fails does not keep the next from being stopped."""
         return self._each_drive(lambda drive: drive.disable())
 
-    def quick_stop(self) -> Mapping[Axis, DriveState]:
-        """Stop every drive by its own quick-stop ramp; give the states read back."""
+    def quick_stop(self) -> Stopped:
+        """Stop every drive by its own quick-stop ramp, which goes on when this returns."""
         return self._each_drive(lambda drive: drive.quick_stop())
 
-    def _each_drive(self, action: Callable[[Drive], DriveState]) -> Mapping[Axis, DriveState]:
+    def _each_drive(self, action: Callable[[Drive], DriveState]) -> Stopped:
         states: dict[Axis, DriveState] = {}
         failure: RigError | None = None
         for axis in Axis:
             if axis not in self._drives:
                 continue
-            self._modes[axis] = self._commands[axis] = None
+            self._setpoints[axis] = None
             try:
                 states[axis] = action(self._drive(axis))
             except Exception as caught:  # whatever fails on one drive, the next must still be stopped
@@ -221,9 +276,7 @@ class Bench:
                     failure = error
                 else:
                     failure.add_note(str(error))
-        if failure is not None:
-            raise failure
-        return states
+        return Stopped(states, failure)
 
     def tare(self) -> float:
         """Zero the torque sensor; give the offset it removed, N*m."""
@@ -256,7 +309,7 @@ class Bench:
         self._buses.clear()
         if failures:
             for other in failures[1:]:
-                failures[0].add_note(str(other))
+                failures[0].add_note(" ".join((str(other), *getattr(other, "__notes__", ()))))
             raise failures[0]
 
     def _drive(self, axis: Axis) -> Drive:
@@ -305,6 +358,8 @@ _ABSENT_SENSOR = _AbsentSensor()
 _NO_COMMAND = (None, None, None)
 
 
+_FAULTS = (DriveState.FAULT, DriveState.FAULT_REACTION)
+
 _new_sample = partial(tuple.__new__, Sample)
 """Make a sample of all its fields in their order: a third of what `Sample(...)` by keywords takes, once per cycle."""
 
@@ -337,5 +392,5 @@ _FIELDS_OF_ROLE: Mapping[str, tuple[str, ...]] = {
 
 
 def _without(sample: Sample, roles: Mapping[str, int]) -> Sample:
-    absent: dict[str, Any] = {name: None for role in roles for name in _FIELDS_OF_ROLE[role]}
-    return sample._replace(**absent)
+    absent = {name for role in roles for name in _FIELDS_OF_ROLE[role]}
+    return Sample._make(None if name in absent else value for name, value in zip(Sample._fields, sample, strict=True))

@@ -25,13 +25,51 @@ _UNITS = {Mode.TORQUE: "N*m", Mode.VELOCITY: "rad/s", Mode.POSITION: "rad"}
 HINT = "Check the set-up and the procedure's parameters before raising the limit in the bench file."
 
 
-class LimitWatch:
-    """Compares one run's samples with the bench's limits and keeps the largest magnitudes seen."""
+LEAST_STEP = 2e-3
+"""rad by which a position setpoint may always differ from the position before: a few counts of a coarse encoder."""
 
-    def __init__(self, limits: Limits) -> None:
+
+class _Shaft:
+    """The speed of one shaft (rad/s), from its positions over the last cycles; 0 until there are enough of them."""
+
+    __slots__ = ("_recent", "fastest", "speed")
+
+    def __init__(self) -> None:
+        self._recent: deque[tuple[float, float]] = deque(maxlen=SPEED_WINDOW + 1)
+        self.speed = 0.0
+        self.fastest = -1.0
+
+    def observe(self, time: float, position: float) -> None:
+        recent = self._recent
+        recent.append((time, position))
+        if len(recent) > SPEED_WINDOW:
+            before, start = recent[0]
+            self.speed = (position - start) / (time - before) if time > before else 0.0
+            self.fastest = max(self.fastest, abs(self.speed))
+
+    def start(self) -> None:
+        self._recent.clear()
+        self.speed = 0.0
+
+
+class LimitWatch:
+    """Compares one run's samples with the bench's limits and keeps the largest magnitudes seen.
+
+    `cycle_time` s is how far apart two setpoints of an axis are.
+    """
+
+    def __init__(self, limits: Limits, cycle_time: float) -> None:
         self._limits = limits
-        self._travel_bounded = math.isfinite(limits.motor_travel) or math.isfinite(limits.output_travel)
-        self._bounds = (
+        self._travels = tuple(
+            (name, bound)
+            for name, bound in (
+                ("motor_position", limits.motor_travel),
+                ("output_position", limits.output_travel),
+                ("load_position", limits.load_travel),
+            )
+            if math.isfinite(bound)
+        )
+        self._bounds: tuple[float, ...] = (
             limits.motor_torque,
             limits.output_torque,
             limits.load_torque,
@@ -42,25 +80,41 @@ class LimitWatch:
             (Axis.MOTOR, Mode.TORQUE): min(limits.motor_torque, _FINITE),
             (Axis.MOTOR, Mode.VELOCITY): min(limits.motor_velocity, _FINITE),
             (Axis.LOAD, Mode.TORQUE): min(limits.load_torque, _FINITE),
+            (Axis.LOAD, Mode.VELOCITY): min(limits.load_velocity, _FINITE),
+        }
+        self._steps = {
+            Axis.MOTOR: max(limits.motor_velocity * cycle_time, LEAST_STEP),
+            Axis.LOAD: max(limits.load_velocity * cycle_time, LEAST_STEP),
         }
         self._largest = [-1.0] * len(WATCHED)
-        self._fastest = -1.0
         self._beyond = False
         self._start: Sample | None = None
-        self._positions: deque[tuple[float, float]] = deque(maxlen=SPEED_WINDOW + 1)
-        self._speed = 0.0
+        self._latest: Sample | None = None
+        self._motor, self._load = _Shaft(), _Shaft()
 
     @property
     def extremes(self) -> dict[str, float]:
         """Largest magnitude of each signal seen so far, in its SI unit."""
-        largest = [*zip(WATCHED, self._largest, strict=True), ("motor_velocity", self._fastest)]
+        speeds = (("motor_velocity", self._motor.fastest), ("load_velocity", self._load.fastest))
+        largest = [*zip(WATCHED, self._largest, strict=True), *speeds]
         return {name: value for name, value in largest if value >= 0.0}
 
     def start_travel(self) -> None:
         """Count the travel from the next sample on: locking or releasing the output starts a new position."""
         self._start = None
-        self._positions.clear()
-        self._speed = 0.0
+        self._motor.start()
+        self._load.start()
+
+    def speed(self, axis: Axis) -> float:
+        """Give the speed of a shaft, rad/s, as the limits see it."""
+        return (self._motor if axis is Axis.MOTOR else self._load).speed
+
+    def tolerate(self, error: LimitError) -> None:
+        """Let a torque or temperature that broke its limit stand a tenth higher, so that it can be ramped down."""
+        if error.signal in WATCHED:
+            place = WATCHED.index(error.signal)
+            bound = max(self._bounds[place], 1.1 * abs(error.value))
+            self._bounds = (*self._bounds[:place], bound, *self._bounds[place + 1 :])
 
     def check_setpoint(self, axis: Axis, setpoint: Setpoint, cycle: int) -> None:
         """Raise LimitError if the setpoint is above a limit, or not a finite number."""
@@ -70,24 +124,46 @@ class LimitWatch:
             signal = f"{axis}_{mode}_command"
             raise LimitError(signal, value, bound, _UNITS[mode], cycle=cycle, hint="The setpoint was not sent.")
 
+    def check_step(self, axis: Axis, target: float, present: Setpoint | None, cycle: int) -> None:
+        """Raise LimitError if a position setpoint (rad) is further away than the axis may go in one cycle.
+
+        It is counted from the `present` setpoint of the axis if that is a position, else from where the axis is.
+        """
+        if present is not None and present.mode is Mode.POSITION:
+            origin: float | None = present.value
+        else:
+            latest = self._latest
+            origin = latest and (latest.motor_position if axis is Axis.MOTOR else latest.load_position)
+        bound = self._steps[axis]
+        if origin is None or abs(target - origin) <= bound:
+            return
+        signal, step = f"{axis}_position_command", target - origin
+        raise LimitError(
+            signal,
+            step,
+            bound,
+            "rad",
+            cycle=cycle,
+            what=f"{signal} steps by {step:.6g} rad in cycle {cycle}; at the limit of the {axis}'s speed one cycle "
+            f"takes it {bound:.6g} rad.",
+            hint="The setpoint was not sent.",
+        )
+
     def observe(self, sample: Sample) -> None:
         """Take one sample in: extremes, recent positions, start of the travel."""
         if self._start is None:
             self._start = sample
+        self._latest = sample
         largest = self._largest
         for place, value in enumerate(_watched_values(sample)):
             if value is not None and (magnitude := abs(value)) > largest[place]:
                 largest[place] = magnitude
                 if magnitude > self._bounds[place]:
                     self._beyond = True
-        position = sample.motor_position
-        if position is not None:
-            positions, time = self._positions, sample.time
-            positions.append((time, position))
-            if len(positions) > SPEED_WINDOW:
-                before, start = positions[0]
-                self._speed = (position - start) / (time - before) if time > before else 0.0
-                self._fastest = max(self._fastest, abs(self._speed))
+        if sample.motor_position is not None:
+            self._motor.observe(sample.time, sample.motor_position)
+        if sample.load_position is not None:
+            self._load.observe(sample.time, sample.load_position)
 
     def check(self, sample: Sample) -> None:
         """Raise LimitError for the first limit that this sample, the latest one observed, breaks."""
@@ -95,24 +171,20 @@ class LimitWatch:
             for name, value, bound in zip(WATCHED, _watched_values(sample), self._bounds, strict=True):
                 if value is not None and abs(value) > bound:
                     raise _reached(name, value, bound, sample.cycle)
-        if abs(self._speed) > self._limits.motor_velocity:
-            raise _reached("motor_velocity", self._speed, self._limits.motor_velocity, sample.cycle)
-        if self._start is not None and self._travel_bounded:
-            start = self._start
-            _check_travel(
-                "motor_position", sample.motor_position, start.motor_position, self._limits.motor_travel, sample.cycle
-            )
-            _check_travel(
-                "output_position",
-                sample.output_position,
-                start.output_position,
-                self._limits.output_travel,
-                sample.cycle,
-            )
+        if abs(self._motor.speed) > self._limits.motor_velocity:
+            raise _too_fast("motor_velocity", self._motor.speed, self._limits.motor_velocity, sample.cycle)
+        if abs(self._load.speed) > self._limits.load_velocity:
+            raise _too_fast("load_velocity", self._load.speed, self._limits.load_velocity, sample.cycle)
+        for name, bound in self._travels:
+            _check_travel(name, getattr(sample, name), getattr(self._start, name), bound, sample.cycle)
 
 
 def _reached(signal: str, value: float, bound: float, cycle: int) -> LimitError:
     return LimitError(signal, value, bound, BY_NAME[signal].unit, cycle=cycle, hint=HINT)
+
+
+def _too_fast(signal: str, value: float, bound: float, cycle: int) -> LimitError:
+    return LimitError(signal, value, bound, "rad/s", cycle=cycle, hint=HINT)
 
 
 def _check_travel(signal: str, value: float | None, start: float | None, bound: float, cycle: int) -> None:

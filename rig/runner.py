@@ -10,18 +10,44 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Protocol
 
-from drivers.errors import AbortedError, ConfigError, CycleError, LimitError, Mistake, NotConnectedError, RigError
+from drivers.errors import (
+    AbortedError,
+    ConfigError,
+    CycleError,
+    DriveFaultError,
+    LimitError,
+    Mistake,
+    NotConnectedError,
+    ReadingError,
+    RigError,
+)
 from drivers.types import Axis, DeviceEvent, DriveState, Mode, Sample, Setpoint
 from procedures.intents import Ask, Command, Evaluation, Intent, Mark, Result, SetLock, Steps, Tare
-from rig.bench import Bench
+from rig.bench import NO_ANSWER_HINT, Bench
 from rig.config.bench import Reaction
+from rig.frozen import CHECK_TIME, FrozenWatch
 from rig.limits import LimitWatch
 from rig.log.run import RunEvent
 from rig.operator import Answered, Operator
 from rig.stop import Stop
 
+QUICK_STOP_TIME = 0.5
+"""How long to wait, s, for the end of the drives' own quick-stop ramps: 220 rad/s at 440 rad/s^2."""
+
+RUNAWAY = ("motor_velocity", "load_velocity", "motor_position", "load_position", "output_position")
+"""Signals whose limit is broken by what moves on under a torque that is only slowly taken away."""
+
+UNLOCK_SHARE = 0.05
+"""Torque under which the output may be unlocked, as a share of its limit: above what a gear leaves wound up."""
+
 LISTENING_TIME = 0.5
 """How long to listen, s, after the devices fell silent: longer than a drive takes to restart."""
+
+
+NOT_CONFIRMED = "not confirmed"
+"""What stands for the state of a drive that did not answer, or never showed one without torque."""
+
+_ENERGISED = tuple(str(state) for state in DriveState if state.energised)
 
 
 class Status(StrEnum):
@@ -59,7 +85,7 @@ class Progress:
 
 @dataclass(frozen=True, slots=True)
 class SafeState:
-    """How the bench was made safe: the reaction, the states read back, and whether no drive carries torque."""
+    """How the bench was made safe: the reaction, each drive's state read back, and whether none carries torque."""
 
     reaction: str
     states: Mapping[str, str] = field(default_factory=dict)
@@ -106,8 +132,10 @@ def execute(
         error = caught
         run.say("error", str(caught))
     finally:
-        safe = run.make_safe()
+        safe, trouble = run.make_safe(error)
         steps.close()
+    if error is None:
+        error = trouble if safe.confirmed else _not_confirmed(safe)
     if isinstance(error, CycleError | NotConnectedError):
         run.listen_for_the_cause(error)
     return RunOutcome(
@@ -131,6 +159,17 @@ def _status(error: RigError | None) -> Status:
     if isinstance(error, LimitError):
         return Status.LIMIT
     return Status.FAULT if error.exit_code == RigError.exit_code else Status.ERROR
+
+
+def _not_confirmed(safe: SafeState) -> DriveFaultError:
+    """Make the error of a run that went as planned and left a drive that may carry torque."""
+    doubtful = [axis for axis, state in safe.states.items() if state in (NOT_CONFIRMED, *_ENERGISED)]
+    return DriveFaultError(
+        ", ".join(doubtful),
+        "did not confirm at the end of the run that it carries no torque",
+        state=", ".join(safe.states[axis] for axis in doubtful),
+        hint="Take the power away by the emergency stop before anyone touches the bench.",
+    )
 
 
 def _with_safe_state(error: RigError | None, safe: SafeState) -> RigError | None:
@@ -160,12 +199,14 @@ class _Execution:
         self._bench = bench
         self._clock = bench.clock
         self._limits = bench.config.limits.frozen()
-        self.watch = LimitWatch(self._limits)
+        self.watch = LimitWatch(self._limits, bench.config.cycle_time)
         self._cycle_time = bench.config.cycle_time
         self._log = log
         self._operator = operator
         self._stop = stop
         self._on_progress = on_progress
+        self._frozen = FrozenWatch(self._limits)
+        self._look_every = max(1, round(CHECK_TIME * bench.config.cycle_rate))
         self._progress_every = max(1, bench.config.cycle_rate // 5)
         self._begin = self._deadline = self._clock.now()
         self._phase = Mark("start")
@@ -190,19 +231,21 @@ class _Execution:
                     self._command(intent)
                     sample = self._cycle()
                 else:
-                    self._carry_out(intent)
+                    self._carry_out(intent, sample)
                 intent = steps.send(sample)
         except StopIteration as end:
             evaluate: Evaluation = end.value
             return evaluate
 
-    def _carry_out(self, intent: Intent) -> None:
+    def _carry_out(self, intent: Intent, sample: Sample) -> None:
         match intent:
             case Mark():
                 self._phase = intent
                 self.say("phase", intent.phase)
             case SetLock(locked):
                 self._require_released("the output lock may only change")
+                if not locked:
+                    self._require_unloaded(sample)
                 self.say("operator", "lock the output" if locked else "release the output")
                 self._wait_for(self._bench.set_lock(locked))
                 self.watch.start_travel()
@@ -230,6 +273,22 @@ class _Execution:
                 [Mistake("intent", "axes energised", f"{what} at zero torque, with both drives released")],
             )
 
+    def _require_unloaded(self, sample: Sample) -> None:
+        """Refuse to unlock an output that would fly off. Raises LimitError."""
+        torque, bound = sample.output_torque, UNLOCK_SHARE * self._limits.output_torque
+        if torque is None or abs(torque) <= bound:
+            return
+        raise LimitError(
+            "output_torque",
+            torque,
+            bound,
+            "N*m",
+            cycle=sample.cycle,
+            what=f"The output carries {torque:.4g} N*m in cycle {sample.cycle}, and the lock opens under no more than "
+            f"{bound:.4g} N*m ({UNLOCK_SHARE:.0%} of the limit output_torque); it was not opened.",
+            hint="Take the load off, or turn the motor by hand until the torque is gone.",
+        )
+
     def _reschedule(self) -> None:
         self._deadline = self._clock.now()
 
@@ -237,7 +296,9 @@ class _Execution:
         for axis, setpoint in ((Axis.MOTOR, command.motor), (Axis.LOAD, command.load)):
             if setpoint is not None:
                 self.watch.check_setpoint(axis, setpoint, self.index)
-            elif self._bench.mode(axis) is None:
+                if setpoint.mode is Mode.POSITION:
+                    self.watch.check_step(axis, setpoint.value, self._bench.setpoint(axis), self.index)
+            elif self._bench.setpoint(axis) is None:
                 continue
             if self._bench.apply(axis, setpoint):
                 self.say("drive", f"{axis}: {setpoint.mode if setpoint is not None else 'released'}")
@@ -251,7 +312,8 @@ class _Execution:
             self._deadline += self._cycle_time
             self._clock.sleep_until(self._deadline)
         now = self._clock.now()
-        late = now > self._deadline + 0.5 * self._cycle_time
+        due = self._deadline
+        late = now > due + 0.5 * self._cycle_time
         if late:
             self.late += 1
             self._deadline = now
@@ -262,90 +324,170 @@ class _Execution:
             report = self._bench.cycle(self.time, self.index, late)
         finally:
             self._log_events(self._bench.events())
-        self.missing += report.missing
+        self.missing += len(report.missing)
         self._log.write(report.sample)
         self.index += 1
         self.watch.observe(report.filled)
         self.watch.check(report.filled)
-        if self.late > self._limits.late_cycles or self.missing > self._limits.missing_cycles:
+        if self.index % self._look_every == 0:
+            self._frozen.look(report.filled, {axis: self._bench.setpoint(axis) for axis in Axis})
+        if report.missing and self.missing > self._limits.missing_cycles:
             raise CycleError(
-                f"Too many late or missing cycles at {self.time:.3f} s",
+                f"No answer from {self._bench.located(report.missing)} at {self.time:.3f} s",
                 late=self.late,
                 missing=self.missing,
-                worst_age=now - self._deadline if late else self._cycle_time,
-                limit=self._limits.late_cycles if late else self._limits.missing_cycles,
-                hint="Close other programs, lower cycle_rate, or raise the limit in the bench file.",
+                worst_age=self._cycle_time,
+                limit=self._limits.missing_cycles,
+                hint=f"{NO_ANSWER_HINT} limits.missing_cycles allows for single losses.",
+            )
+        if late and self.late > self._limits.late_cycles:
+            raise CycleError(
+                f"Too many late cycles at {self.time:.3f} s",
+                late=self.late,
+                missing=self.missing,
+                worst_age=now - due,
+                limit=self._limits.late_cycles,
+                hint="Close other programs, lower cycle_rate, or raise limits.late_cycles in the bench file.",
             )
         if self._on_progress is not None and self.index % self._progress_every == 0:
             self._on_progress(Progress(self.time, self._phase.phase, self._phase.duration, report.filled))
         return report.filled
 
     def listen_for_the_cause(self, error: RigError) -> None:
-        """Hear what the devices report after a failure (a restart, an emergency) and add it to the error."""
+        """Hear what the devices report after a failure (a restart, an emergency) and add it to the error.
+
+        Nothing is sent meanwhile, so drives that were watched report that they miss the bench, too.
+        """
+        before = len(self._heard)
         for _ in range(round(LISTENING_TIME / self._cycle_time)):
             self._deadline += self._cycle_time
             self._clock.sleep_until(self._deadline)
             self.time = self._clock.now() - self._begin
             self._log_events(self._bench.listen())
-        if self._heard:
-            error.add_note(f"The devices reported: {'; '.join(self._heard)}.")
+        for when, heard in (
+            ("The devices reported", self._heard[:before]),
+            ("Later, left alone", self._heard[before:]),
+        ):
+            if heard:
+                error.add_note(f"{when}: {'; '.join(heard)}.")
 
     def _log_events(self, events: list[DeviceEvent]) -> None:
         for event in events:
             self._log.device_event(event)
             self._heard.append(f"{event.device}: {event.text}")
 
-    def make_safe(self) -> SafeState:
-        """Take the torque away by the bench's declared reaction, confirm it, and record it. Raises nothing."""
-        reaction = self._bench.config.safety.reaction
-        problems: list[str] = []
-        states: Mapping[Axis, DriveState] = {}
-        if reaction is Reaction.RAMP:
-            _try(self._ramp_down, problems)
-        else:
-            _try(self._bench.quick_stop, problems)
-        try:
-            states = self._bench.disable()
-        except Exception as error:  # the quick stop is the second way to take the torque away
-            problems.append(f"{type(error).__name__}: {error}")
-            _try(self._bench.quick_stop, problems)
-        confirmed = bool(states) and not any(state.energised for state in states.values())
+    def make_safe(self, cause: RigError | None) -> tuple[SafeState, RigError | None]:
+        """Take the torque away by the bench's declared reaction, confirm it, and record it. Raises nothing.
+
+        The drives stop by themselves after a speed or travel limit, after a reading that cannot be true, and where the
+        ramp fails or breaks a limit.
+        Gives with it the first thing that went wrong on the way, whether or not the bench is safe now.
+        """
+        problems: list[Exception] = []
+        taken: list[Reaction] = []
+        if self._bench.config.safety.reaction is Reaction.RAMP and not _runs_away(cause):
+            taken.append(Reaction.RAMP)
+            _try(lambda: self._ramp_down(cause), problems)
+        if problems or not taken:
+            taken.append(Reaction.QUICK_STOP)
+            _try(self._stop_quickly, problems)
+        states = self._take_torque(problems)
+        confirmed = all(axis in states and not states[axis].energised for axis in self._bench.axes)
         safe = SafeState(
-            reaction=str(reaction),
-            states={str(axis): str(state) for axis, state in states.items()},
+            reaction=", ".join(taken),
+            states={str(axis): str(states.get(axis, NOT_CONFIRMED)) for axis in self._bench.axes},
             confirmed=confirmed,
-            problem=" ".join(problems),
+            problem=" ".join(dict.fromkeys(f"{type(problem).__name__}: {problem}" for problem in problems)),
         )
-        shown = ", ".join(f"{axis} {state}" for axis, state in safe.states.items()) or "no state read back"
+        shown = ", ".join(f"{axis} {state}" for axis, state in safe.states.items())
         text = f"{safe.reaction}: {shown}; {'confirmed' if confirmed else 'NOT CONFIRMED'}"
         _try(lambda: self.say("safe state", text), problems)
         _try(lambda: self._log_events(self._bench.events()), problems)
-        return safe
+        return safe, _as_rig_error(problems[0]) if problems else None
 
-    def _ramp_down(self) -> None:
-        """Ramp torque and speed of each energised axis to zero in the declared time; in position mode it holds."""
-        readings = {axis: reading for axis, reading in self._bench.readings().items() if reading.state.energised}
-        start = {
-            axis: (mode, self._bench.commanded(axis))
-            for axis in readings
-            if (mode := self._bench.mode(axis)) is not None
+    def _take_torque(self, problems: list[Exception]) -> Mapping[Axis, DriveState]:
+        """Disable every drive; where one fails, quick stop is the second way. Give the last state read of each."""
+        tried = [self._bench.disable()]
+        if tried[0].failure is not None:
+            # the last one reads how the drives' own ramps ended
+            tried += [self._bench.quick_stop(), self._bench.disable()]
+        problems += [stopped.failure for stopped in tried if stopped.failure is not None]
+        return {axis: state for stopped in tried for axis, state in stopped.states.items()}
+
+    def _stop_quickly(self) -> None:
+        """Let every drive stop by its own ramp, and keep the control loop alive until these are over."""
+        failure = self._bench.quick_stop().failure
+        if failure is not None:
+            raise failure
+        self._reschedule()
+        end = self._clock.now() + QUICK_STOP_TIME
+        while self._clock.now() < end and any(r.state.energised for r in self._bench.readings().values()):
+            self._safe_cycle()
+
+    def _ramp_down(self, cause: RigError | None) -> None:
+        """Ramp torque and speed of each energised axis to zero in the declared time; in position mode it holds.
+
+        Raises LimitError if a limit is broken meanwhile; the one that was broken before may be a tenth higher.
+        """
+        commanded = {
+            axis: setpoint for axis in self._bench.axes if (setpoint := self._bench.setpoint(axis)) is not None
         }
-        moving = {axis: value for axis, (mode, value) in start.items() if mode is not Mode.POSITION and value}
-        if not moving:
+        if not any(value for mode, value in commanded.values() if mode is not Mode.POSITION):
             return
+        if isinstance(cause, LimitError):
+            self.watch.tolerate(cause)
+        readings = self._bench.readings()
+        start = {
+            axis: self._ramp_start(axis, setpoint, readings[axis].torque)
+            for axis, setpoint in commanded.items()
+            if readings[axis].state.energised
+        }
+        self._reschedule()
         cycles = max(1, round(self._bench.config.safety.ramp_time / self._cycle_time))
         for k in range(cycles, -1, -1):
             for axis, (mode, value) in start.items():
-                self._bench.apply(axis, Setpoint(mode, value if mode is Mode.POSITION else value * k / cycles))
-            self._deadline += self._cycle_time
-            self._clock.sleep_until(self._deadline)
-            self.time = self._clock.now() - self._begin
-            self._log.write(self._bench.cycle(self.time, self.index, late=False).sample)
-            self.index += 1
+                setpoint = Setpoint(mode, value if mode is Mode.POSITION else value * k / cycles)
+                self.watch.check_setpoint(axis, setpoint, self.index)
+                self._bench.apply(axis, setpoint)
+            self.watch.check(self._safe_cycle())
+
+    def _ramp_start(self, axis: Axis, commanded: Setpoint, torque: float) -> Setpoint:
+        """Give where the ramp of an axis begins: at what was commanded or at what is measured, the smaller one."""
+        mode, value = commanded
+        if mode is Mode.POSITION:
+            return commanded
+        measured = torque if mode is Mode.TORQUE else self.watch.speed(axis)
+        if value * measured <= 0.0:
+            return Setpoint(mode, 0.0)
+        return Setpoint(mode, min(value, measured, key=abs))
+
+    def _safe_cycle(self) -> Sample:
+        """Run and log one cycle on the way to the safe state; neither a request to stop nor lateness ends it."""
+        self._deadline += self._cycle_time
+        self._clock.sleep_until(self._deadline)
+        self.time = self._clock.now() - self._begin
+        report = self._bench.cycle(self.time, self.index, late=False)
+        self._log.write(report.sample)
+        self.index += 1
+        self.watch.observe(report.filled)
+        return report.filled
 
 
-def _try(action: Callable[[], object], problems: list[str]) -> None:
+def _runs_away(cause: RigError | None) -> bool:
+    """Tell whether a shaft moves on while its torque is slowly taken away, or may do so unseen."""
+    return isinstance(cause, ReadingError) or (isinstance(cause, LimitError) and cause.signal in RUNAWAY)
+
+
+def _try(action: Callable[[], object], problems: list[Exception]) -> None:
     try:
         action()
     except Exception as error:  # whatever it was, the next step towards the safe state must still be taken
-        problems.append(f"{type(error).__name__}: {error}")
+        problems.append(error)
+
+
+def _as_rig_error(problem: Exception) -> RigError:
+    if isinstance(problem, RigError):
+        return problem
+    wrapped = RigError(f"Taking the torque away went wrong: {type(problem).__name__}: {problem}.")
+    wrapped.__cause__ = problem
+    return wrapped

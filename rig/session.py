@@ -216,7 +216,7 @@ def _closed(bench: Bench, error: RigError | None) -> RigError | None:
     except RigError as closing:
         if error is None:
             return closing
-        error.add_note(f"Closing the bench failed too: {closing}")
+        error.add_note(" ".join((f"Closing the bench failed too: {closing}", *getattr(closing, "__notes__", ()))))
     return error
 
 
@@ -298,6 +298,7 @@ def margin_table(record: RunRecord, bench: Bench) -> tuple[tuple[str, float, flo
         "motor_velocity": limits.motor_velocity,
         "output_torque": limits.output_torque,
         "load_torque": limits.load_torque,
+        "load_velocity": limits.load_velocity,
     }
     return tuple(
         (name, record.outcome.extremes[name], b) for name, b in bounds.items() if name in record.outcome.extremes

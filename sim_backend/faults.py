@@ -38,6 +38,10 @@ def _drive_fault(world: World, node_id: int) -> None:
     _drive(world, node_id).fault(OVER_CURRENT)
 
 
+def _ignore_control_word(world: World, node_id: int) -> None:
+    _drive(world, node_id).ignore_control_words()
+
+
 def _mute(world: World, node_id: int) -> None:
     world.bus.add_hook(drop(from_node(node_id)))
 
@@ -74,6 +78,7 @@ FAULTS: Mapping[str, Fault] = {
     for fault in (
         Fault("refuse-mode", "the drive refuses every mode of operation asked for from now on", _refuse_mode),
         Fault("drive-fault", "the drive reports over-current and goes to fault", _drive_fault),
+        Fault("ignore-control-word", "the drive keeps its state whatever it is told", _ignore_control_word),
         Fault("mute", "the device stops sending", _mute),
         Fault("reboot", "the device restarts: settings lost, one boot-up message", _reboot),
         Fault("short-pdo", "the device's PDOs lose their last bytes", _short_pdo),

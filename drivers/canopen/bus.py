@@ -49,7 +49,7 @@ _OPTIONS: dict[str, type[CommonOptions]] = {
 }
 
 
-def open_bus(configs: Sequence[DeviceConfig], clock: Clock, transport: Any = None) -> "CanopenBus":
+def open_bus(configs: Sequence[DeviceConfig], clock: Clock, transport: can.BusABC | None = None) -> "CanopenBus":
     """Open the CANopen bus that `configs` share.
 
     `transport`: an open python-can bus to use; its owner closes it. Without it, `interface` and `channel` are opened
@@ -57,9 +57,10 @@ def open_bus(configs: Sequence[DeviceConfig], clock: Clock, transport: Any = Non
     cannot be opened.
     """
     options = _checked_options(configs)
-    owned = transport is None
-    bus = _open_adapter(configs[0], options[configs[0].name]) if owned else transport
-    return CanopenBus(configs, options, clock, bus, owned=owned)
+    if transport is not None:
+        return CanopenBus(configs, options, clock, transport, owned=False)
+    adapter = _open_adapter(configs[0], options[configs[0].name])
+    return CanopenBus(configs, options, clock, adapter, owned=True)
 
 
 class CanopenBus:
@@ -142,6 +143,10 @@ class CanopenBus:
                 noted = True
         if noted:
             self._raise_what_counts()
+
+    def listen(self) -> None:
+        """Route what has arrived and send nothing: no SYNC, no heartbeat. Raises NotConnectedError."""
+        self._link.drain()
 
     def events(self) -> Sequence[DeviceEvent]:
         """Give what the devices reported by themselves since the last call."""
@@ -263,7 +268,7 @@ def _shared_mistakes(configs: Sequence[DeviceConfig], options: dict[str, CommonO
 
 
 def _open_adapter(config: DeviceConfig, options: CommonOptions) -> can.BusABC:
-    extra = {
+    extra: dict[str, Any] = {
         name.removeprefix(PASSED_THROUGH): value
         for name, value in config.options.items()
         if name.startswith(PASSED_THROUGH)

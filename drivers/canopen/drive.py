@@ -14,7 +14,6 @@ import can
 
 from drivers.canopen import cia402
 from drivers.canopen.drive_setup import DriveUnits, read_units, set_limits, set_watchdog
-from drivers.canopen.errors import raise_together
 from drivers.canopen.heartbeat import BenchHeartbeat
 from drivers.canopen.link import Link
 from drivers.canopen.node import START_TIMEOUT, CanopenNode
@@ -118,7 +117,7 @@ class Cia402Drive:
         elif state is not DriveState.SWITCH_ON_DISABLED:
             self.disable()
         self._units = read_units(self._config, self._profile, node)
-        full_scale = set_limits(self._options, self._profile, node, self._units)
+        full_scale, unlimited = set_limits(self._config, self._options, self._profile, node, self._units)
         watchdog_time = self._heartbeat.watchdog_time
         self._no_watchdog, more = set_watchdog(self._options, self._profile, node, watchdog_time)
         node.map_pdos(Direction.TPDO, (FEEDBACK,))
@@ -136,7 +135,7 @@ class Cia402Drive:
             resolution=abs(self._units.torque),
             full_scale=full_scale,
             changed=node.changed,
-            warnings=warnings + more,
+            warnings=warnings + unlimited + more,
         )
 
     def enable(self, mode: Mode) -> None:
@@ -257,18 +256,19 @@ class Cia402Drive:
     def close(self) -> None:
         """Take the torque away, restore every changed parameter, leave the node pre-operational.
 
-        Does what it can on a half-open or silent drive; the first problem is raised with the others as notes.
+        A drive that does not confirm that it is without torque keeps what was set in it, its watchdog above all, and
+        the bench's heartbeat ends, so that the drive stops by itself; the error says so.
         """
         if not self._open:
             return
         self._open = False
-        problems: list[RigError] = []
-        for step in (self.disable, self.node.shut_down):
-            try:
-                step()
-            except RigError as error:
-                problems.append(error)
-        raise_together(problems)
+        try:
+            self.disable()
+        except RigError as error:
+            self._heartbeat.cease()
+            self.node.abandon(error)
+            raise
+        self.node.shut_down()
 
     def on_feedback(self, data: bytearray) -> bool:
         """Take one TPDO; True if it is the first of its cycle. A wrong length is noted as a failure."""

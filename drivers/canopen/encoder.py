@@ -27,6 +27,9 @@ from drivers.types import DeviceInfo, SensorReading
 PROFILE = 406
 FEEDBACK = Pdo(Direction.TPDO, 1, (ENCODER_POSITION,))
 
+JUMP_CYCLES = 10
+"""Cycles of travel at the highest speed beyond which two values in a row are a jump: some may have been missed."""
+
 _SCALING_ON = 0x0004
 """Bit 2 of 0x6000: 0x6001 and 0x6002 act."""
 _VALUE_RANGE = 1 << 32
@@ -68,7 +71,7 @@ class Cia406Encoder:
         if counts < 1 or span < 1:
             raise DeviceFaultError(self.name, f"has no usable range: {counts} counts per turn, {span} in all", state="")
         self._scale = self._sign * 2.0 * math.pi / counts
-        self._unwrapper = Unwrapper(min(span, _VALUE_RANGE))
+        self._unwrapper = Unwrapper(min(span, _VALUE_RANGE), self._most_counts())
         self._refuse_too_fast()
         if objects.find(CYCLIC_TIMER) is not None:
             self.node.change(CYCLIC_TIMER, 0)
@@ -89,7 +92,7 @@ class Cia406Encoder:
         )
 
     def read(self) -> SensorReading:
-        """Give the angle (rad, unwrapped) of the last SYNC; not valid if it jumped by more than a quarter range."""
+        """Give the angle (rad, unwrapped) of the last SYNC; not valid if it jumped further than the shaft can turn."""
         return SensorReading(self._unwrapper.counts * self._scale, self.age, self._unwrapper.plausible)
 
     def close(self) -> None:
@@ -107,6 +110,13 @@ class Cia406Encoder:
         first = self.age > 0
         self.age = 0
         return first
+
+    def _most_counts(self) -> int | None:
+        """Give the counts of `JUMP_CYCLES` at the highest speed, None if nothing bounds it."""
+        fastest = self._options.max_velocity if self._options.max_velocity is not None else self._config.max_velocity
+        if fastest is None:
+            return None
+        return math.ceil(JUMP_CYCLES * fastest * self._config.cycle_time / abs(self._scale))
 
     def _refuse_too_fast(self) -> None:
         fastest = self._options.max_velocity

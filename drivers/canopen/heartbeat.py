@@ -22,12 +22,17 @@ class BenchHeartbeat:
         self._period = watchdog_time / 4
         self._message = can.Message(arbitration_id=0x700 + master_id, data=_OPERATIONAL, is_extended_id=False)
         self._last = -math.inf
+        self._ceased = False
 
     def beat(self, now: float) -> None:
         """Send the heartbeat if it is due at `now` (s)."""
-        if now - self._last >= self._period:
+        if now - self._last >= self._period and not self._ceased:
             self._link.send_message(self._message)
             self._last = now
+
+    def cease(self) -> None:
+        """Send no heartbeat any more, so that every drive's watchdog takes its torque away."""
+        self._ceased = True
 
     def silence(self, now: float) -> float:
         """Give how long ago (s) the last heartbeat was sent, infinity if there was none."""

@@ -248,6 +248,13 @@ class CanopenNode:
                 problems.append(error)
         raise_together(problems)
 
+    def abandon(self, error: RigError) -> None:
+        """Leave the node as it is, with every changed parameter as it was set; `error`, the reason, is told so."""
+        self.watched = False
+        if self._changes:
+            error.add_note(f"Not restored on '{self.name}': {_names([*reversed(self._changes)])}.")
+        self._changes.clear()
+
     def _map(self, pdo: Pdo) -> None:
         direction, number, wanted = pdo.direction, pdo.number, pdo.setting(self.node_id)
         old = read_setting(self.objects, direction, number)

@@ -50,6 +50,7 @@ class ObjectRef:
 DEVICE_TYPE = ObjectRef(0x1000, 0, "I", "device type")
 HEARTBEAT_CONSUMER = ObjectRef(0x1016, 1, "I", "heartbeat consumer")
 HEARTBEAT_PRODUCER = ObjectRef(0x1017, 0, "H", "heartbeat producer time")
+ERROR_BEHAVIOUR = ObjectRef(0x1029, 1, "B", "behaviour on communication error")
 IDENTITY_COUNT = ObjectRef(0x1018, 0, "B", "identity entries")
 IDENTITY = (
     ObjectRef(0x1018, 1, "I", "vendor"),

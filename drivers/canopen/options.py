@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from drivers.canopen.profiles import TORQUE_UNITS
+from drivers.devices import OptionValue
 from drivers.errors import Mistake
 
 PASSED_THROUGH = "can_"
@@ -32,7 +33,8 @@ class CommonOptions:
 class DriveOptions(CommonOptions):
     """For a drive.
 
-    `max_torque` N*m (0x6072) and `max_velocity` rad/s (0x6080) are set in the drive if given. `quick_stop_option`
+    `max_torque` N*m (0x6072) and `max_velocity` rad/s (0x6080) are set in the drive; if not given, the bench's limits
+    with a tenth more, unless the drive keeps lower ones. `quick_stop_option`
     is 0x605A, the profile's if not given. `external_watchdog`: something else takes the torque away when the bench
     dies, so a drive without heartbeat watchdog may be enabled. `state_timeout` s for each change of state and
     `mode_timeout` s for a change of mode; while enabling, both end at half the watchdog time.
@@ -50,7 +52,7 @@ class DriveOptions(CommonOptions):
 
 @dataclass(frozen=True, slots=True)
 class EncoderOptions(CommonOptions):
-    """For an encoder. `max_velocity` rad/s: the fastest it will turn, checked against the unwrapping."""
+    """For an encoder. `max_velocity` rad/s: the fastest it will turn, the motor's speed limit if not given."""
 
     max_velocity: float | None = _option(None, 1e-9, 1e5)
 
@@ -74,7 +76,7 @@ _OPTIONAL_KINDS: Mapping[str, type] = {"unit": str, "quick_stop_option": int}
 """Type of the options whose default None does not tell it; the others are float."""
 
 
-def read_options(kind: type[Options], options: Mapping[str, Any], path: str) -> tuple[Options, list[Mistake]]:
+def read_options(kind: type[Options], options: Mapping[str, OptionValue], path: str) -> tuple[Options, list[Mistake]]:
     """Give the options of one device with defaults filled in, and every mistake found under `path`."""
     known = {field.name: field for field in dataclasses.fields(kind)}
     values: dict[str, Any] = {}
@@ -96,7 +98,7 @@ def read_options(kind: type[Options], options: Mapping[str, Any], path: str) -> 
     return kind(**values), mistakes
 
 
-def _broken_rule(value: Any, kind: type, bounds: Mapping[str, float]) -> str:
+def _broken_rule(value: OptionValue, kind: type, bounds: Mapping[str, float]) -> str:
     if kind is str:
         return "" if value in TORQUE_UNITS else f"expected one of {', '.join(TORQUE_UNITS)}"
     if kind is bool:

@@ -3,15 +3,20 @@
     d = ((new - old + R/2) mod R) - R/2
 
 is the shortest way from the old to the new raw value of a counter with range R. It is right as long as the true
-step is below R/2; steps above R/4 are called implausible, so that a lost sample is noticed before it is misread.
+step is below R/2; steps above R/4, or above what the shaft can do, are called implausible, so that a jump or a lost
+sample is noticed before it is misread.
 """
 
 
 class Unwrapper:
-    """Counts without wraps, from raw values 0 .. `span` - 1 (or the same range shifted)."""
+    """Counts without wraps, from raw values 0 .. `span` - 1 (or the same range shifted).
 
-    def __init__(self, span: int) -> None:
+    `most`: counts that the shaft can turn from one value to the next, None where nobody said.
+    """
+
+    def __init__(self, span: int, most: int | None = None) -> None:
         self.span = span
+        self._most = span // 4 if most is None else min(most, span // 4)
         self.counts = 0
         self.plausible = True
         self._half = span // 2
@@ -28,4 +33,4 @@ class Unwrapper:
         moved = (raw - self._raw + self._half) % self.span - self._half
         self.counts += moved
         self._raw = raw
-        self.plausible = 4 * abs(moved) <= self.span
+        self.plausible = -self._most <= moved <= self._most

@@ -80,6 +80,8 @@ class BenchLimits(FileModel):
     motor_travel: Positive | None = None
     output_travel: Positive | None = None
     load_torque: Positive | None = None
+    load_velocity: Positive | None = None
+    load_travel: Positive | None = None
     temperature: Positive | None = None
     late_cycles: Annotated[int, Field(ge=0)] = 0
     missing_cycles: Annotated[int, Field(ge=0)] = 0
@@ -93,6 +95,8 @@ class BenchLimits(FileModel):
             motor_travel=self.motor_travel or UNBOUNDED,
             output_travel=self.output_travel or UNBOUNDED,
             load_torque=self.load_torque or UNBOUNDED,
+            load_velocity=self.load_velocity or UNBOUNDED,
+            load_travel=self.load_travel or UNBOUNDED,
             temperature=self.temperature or UNBOUNDED,
             late_cycles=self.late_cycles,
             missing_cycles=self.missing_cycles,
@@ -191,6 +195,15 @@ class BenchFile(FileModel):
         """Length of one control cycle, s."""
         return 1.0 / self.cycle_rate
 
+    def _most(self, role: str) -> tuple[float | None, float | None]:
+        """Give torque (N*m) and speed (rad/s) that the limits allow a role's shaft. No output outruns its motor."""
+        limits = self.limits
+        return {
+            "motor": (limits.motor_torque, limits.motor_velocity),
+            "load": (limits.load_torque, limits.load_velocity),
+            "output_encoder": (None, limits.motor_velocity),
+        }.get(role, (None, None))
+
     def device_configs(self) -> tuple[DeviceConfig, ...]:
         """Give what each driver is told, role by role."""
         return tuple(
@@ -203,6 +216,8 @@ class BenchFile(FileModel):
                 profile=device.profile,
                 cycle_time=self.cycle_time,
                 heartbeat_time=self.safety.heartbeat_time,
+                max_torque=self._most(role)[0],
+                max_velocity=self._most(role)[1],
                 sign={name: int(sign) for name, sign in device.sign.items()},
                 options={"bitrate": device.bitrate, **device.options},
             )

@@ -73,6 +73,7 @@ class Drive402:
         self._cause_present = False
         self._limited = False
         self._blocked = 0
+        self._remote = True
         self._speed_limit = config.max_speed
         self._travel_watched = False
         self._outside_since: float | None = None
@@ -122,6 +123,7 @@ class Drive402:
         self._next_mode = None
         self._control_word = 0
         self._cause_present = False
+        self._remote = True
         self._regulated = None
         self._set_torque_limit()
         self._set_motion_limits()
@@ -182,7 +184,13 @@ class Drive402:
         """Refuse these modes from now on, by an abort or by silence as configured."""
         self._refused = modes
 
+    def ignore_control_words(self) -> None:
+        """Stay in the present state whatever the control word says, as a drive does that is not in remote operation."""
+        self._remote = False
+
     def _on_control_word(self, word: int) -> None:
+        if not self._remote:
+            return
         previous, self._control_word = self._control_word, word
         if word == previous == _ENABLED_WORD and self.state is PowerState.ENABLED and self._stop is None:
             return  # every cycle of a running drive
@@ -343,7 +351,9 @@ class Drive402:
 
     def _status_word(self) -> int:
         state = self.state
-        word = state | _VOLTAGE | _REMOTE
+        word = state | _VOLTAGE
+        if self._remote:
+            word |= _REMOTE
         if self._limited or self._blocked:
             word |= _LIMIT
         if state is PowerState.ENABLED and self._stop is None:

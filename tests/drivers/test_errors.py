@@ -15,6 +15,7 @@ from drivers.errors import (
     LimitError,
     Mistake,
     NotConnectedError,
+    ReadingError,
     RigError,
     RigTimeoutError,
 )
@@ -27,6 +28,7 @@ EXAMPLES = [
         3,
         ["'motor'", "fault", "0x8611", "0x20"],
     ),
+    (ReadingError("output_encoder", "jumped to 7 rad", state=""), 3, ["Device 'output_encoder'", "7 rad"]),
     (LimitError("output_torque", 31.0, 30.0, "N*m", cycle=7), 3, ["output_torque", "31 N*m", "30 N*m", "cycle 7"]),
     (
         CycleError("Too slow", late=3, missing=1, worst_age=2e-3, limit=2),

@@ -8,11 +8,12 @@ import pytest
 from drivers.errors import ConfigError, DriveFaultError, LimitError, NotConnectedError, RigTimeoutError
 from drivers.types import DriveState, Mode
 from sim_backend.buses.hooks import drop, from_node
+from sim_backend.faults import FAULTS
 from sim_backend.nodes.bench import MOTOR_DRIVE
 from sim_backend.nodes.communication import NodeOptions
 from sim_backend.nodes.drive402_objects import CST, TorqueUnit, VelocityUnit
 from sim_backend.ports import AxisMode
-from tests.drivers.canopen.bench import HEARTBEAT_TIME, MOTOR, device_config, simulated_bench
+from tests.drivers.canopen.bench import CYCLE_TIME, HEARTBEAT_TIME, LOAD, MOTOR, device_config, simulated_bench
 
 COUNTS = MOTOR_DRIVE.encoder_counts
 RATED = MOTOR_DRIVE.rated_torque
@@ -71,10 +72,52 @@ def test_limits_from_the_bench_file_are_set_in_the_drive() -> None:
     assert bench.value(1, 0x6080) == math.floor(100.0 * 60 / (2 * math.pi))
 
 
+def test_the_drive_keeps_the_limits_of_the_bench_with_a_tenth_more() -> None:
+    bench = simulated_bench(replace(MOTOR, max_torque=0.25, max_velocity=220.0))
+    before = bench.value(1, 0x6072), bench.value(1, 0x6080)
+    info = bench.motor.connect()
+    assert bench.value(1, 0x6072) == math.floor(1000 * 1.1 * 0.25 / RATED)
+    assert bench.value(1, 0x6080) == math.floor(1.1 * 220.0 * 60 / (2 * math.pi))
+    assert info.full_scale == pytest.approx(0.275, abs=RATED / 1000)
+    bench.motor.close()
+    assert (bench.value(1, 0x6072), bench.value(1, 0x6080)) == before
+
+
+def test_a_lower_limit_of_the_drive_is_left_as_it_is() -> None:
+    bench = simulated_bench(replace(MOTOR, max_torque=10.0, max_velocity=1e4)).connect()
+    assert bench.value(1, 0x6072) == round(1000 * MOTOR_DRIVE.max_torque / RATED)
+    assert bench.value(1, 0x6080) == round(MOTOR_DRIVE.max_speed * 60 / (2 * math.pi))
+
+
+def test_a_drive_that_keeps_no_limits_connects_with_a_warning() -> None:
+    bare = NodeOptions(hidden=frozenset({0x6072, 0x6080}))
+    bench = simulated_bench(replace(MOTOR, max_torque=0.25, max_velocity=220.0), options=bare)
+    told = " ".join(bench.motor.connect().warnings)
+    assert "no limit of 0.25 by itself" in told
+    assert "no limit of 220 by itself" in told
+
+
+def test_a_drive_leaves_operational_when_the_bench_falls_silent_whatever_it_was_set_to() -> None:
+    bench = simulated_bench(MOTOR)
+    bench.node(1).dictionary[0x1029, 1].value = 1  # stay as it is
+    bench.motor.connect()
+    assert bench.value(1, 0x1029, 1) == 0
+    bench.motor.close()
+    assert bench.value(1, 0x1029, 1) == 1
+
+
 def test_a_limit_that_the_drive_cannot_hold_is_a_configuration_error() -> None:
     bench = simulated_bench(replace(MOTOR, options={"max_torque": 1e-5}))
-    with pytest.raises(ConfigError, match=r"options.max_torque = 1e-05.*0x6072"):
+    with pytest.raises(ConfigError, match=r"devices\.motor\.options\.max_torque = 1e-05.*0x6072"):
         bench.motor.connect()
+
+
+def test_an_option_that_the_drive_refuses_is_named_as_the_bench_file_has_it() -> None:
+    bench = simulated_bench(replace(MOTOR, options={"quick_stop_option": 99}))
+    with pytest.raises(ConfigError, match=r"devices\.motor\.options\.quick_stop_option = 99: refused.*0x605A") as got:
+        bench.motor.connect()
+    assert got.value.exit_code == 2
+    bench.motor.close()
 
 
 def test_a_silent_node_is_not_connected_and_closing_it_sends_nothing() -> None:
@@ -273,6 +316,30 @@ def test_closing_an_enabled_drive_takes_the_torque_away_first() -> None:
     bench.motor.close()
     assert bench.plant.commands["motor"][0] is AxisMode.OFF
     bench.motor.close()
+
+
+def test_a_drive_that_does_not_let_itself_be_disabled_keeps_its_watchdog_when_it_is_closed() -> None:
+    watchdog_time = 2.0  # s, longer than the 0.5 s for which a state is awaited
+    patient = replace(MOTOR, heartbeat_time=watchdog_time)
+    bench = simulated_bench(patient, replace(LOAD, heartbeat_time=watchdog_time)).connect()
+    bench.motor.enable(Mode.TORQUE)
+    bench.motor.write(0.1)
+    bench.cycles(2)
+    FAULTS["ignore-control-word"].inject(bench.world, 1, bench.world.time)
+    with pytest.raises(RigTimeoutError, match=r"'motor' to reach a state without torque.*not remote") as got:
+        bench.motor.close()
+    assert [bench.value(1, *key) for key in ((0x1016, 1), (0x6007, 0), (0x605A, 0))] == [
+        127 << 16 | 2000,
+        3,
+        2,
+    ]
+    left = " ".join(got.value.__notes__)
+    assert "Not restored on 'motor'" in left
+    assert "heartbeat consumer" in left
+    assert bench.plant.commands["motor"][0] is AxisMode.TORQUE
+    # the control loop goes on for the load drive, and must not feed the motor's watchdog
+    bench.cycles(round(watchdog_time / CYCLE_TIME))
+    assert bench.plant.commands["motor"][0] is AxisMode.OFF
 
 
 def test_closing_a_drive_that_went_silent_says_what_was_not_restored() -> None:

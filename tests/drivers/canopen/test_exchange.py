@@ -87,6 +87,16 @@ def test_the_bench_heartbeat_comes_from_the_exchange_and_from_nothing_else() -> 
     assert len(bench.tap.sent_to(BENCH_HEARTBEAT)) == 1
 
 
+def test_listening_takes_in_what_the_devices_report_and_sends_nothing(armed: SimulatedBench) -> None:
+    armed.motor.write(0.05)
+    armed.tap.sent.clear()
+    armed.tap.inject(frame(0x081, "10 43 08 00 00 00 00 00"))
+    armed.clock.sleep_until(armed.clock.now() + HEARTBEAT_TIME / 2)
+    armed.bus.listen()
+    assert armed.tap.sent == []
+    assert [event.text for event in armed.bus.events()] == ["emergency 0x4310 (drive too hot)"]
+
+
 def test_the_drives_stop_by_themselves_when_the_exchange_stops(armed: SimulatedBench) -> None:
     armed.motor.write(0.1)
     armed.cycles(2)

@@ -35,6 +35,15 @@ def test_a_step_of_more_than_a_quarter_range_is_called_implausible() -> None:
     assert unwrapper.plausible
 
 
+def test_a_step_of_more_than_the_shaft_can_turn_is_called_implausible() -> None:
+    unwrapper = Unwrapper(1000, 50)
+    unwrapper.start(0)
+    unwrapper.step(949)
+    assert not unwrapper.plausible
+    unwrapper.step(999)
+    assert unwrapper.plausible
+
+
 def test_one_count_backwards_from_zero_is_minus_one() -> None:
     unwrapper = Unwrapper(4096)
     unwrapper.start(0)
