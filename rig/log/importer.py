@@ -37,8 +37,10 @@ def import_files(files: Sequence[Path], mapping: Path | None, out: Path) -> list
     """Write each recording in `files` to `out` as MCAP, `<name>.mcap` or, if split, `<name>-01.mcap` and so on.
 
     `mapping`: a mapping file; None where the columns have contract names and units. All files are read before the
-    first is written. A column that is not mapped and has no contract name is kept as an auxiliary signal if all its
-    cells are numbers. Raises ConfigError for the mapping or an existing output, DataError with file, column and row.
+    first is written. Each value of a mapped column, or of an unmapped one with contract name and unit, must be a
+    finite number; in the latter a cell `NA` says that it was not measured. Any other column is kept as an auxiliary
+    signal if all its cells are numbers. Raises ConfigError for the mapping or an existing output, DataError with
+    file, column and row.
     """
     rules, text = (ImportMap(), "") if mapping is None else load_map(mapping)
     recordings = [_cut(read_recording(file, rules), rules.run.split) for file in files]
@@ -48,7 +50,7 @@ def import_files(files: Sequence[Path], mapping: Path | None, out: Path) -> list
 def read_recording(file: Path, rules: ImportMap) -> Run:
     """Give a foreign recording as one run in SI. Raises DataError with file, column and row."""
     wanted = {item.column for item in rules.signals.values()}
-    table = read_foreign(file, frozenset(wanted))
+    table = read_foreign(file, lambda header: header in wanted or _is_taken_as_it_is(header, rules))
     missing = sorted((wanted | set(rules.ignore)) - set(table.columns))
     if missing:
         raise DataError(
@@ -107,6 +109,17 @@ def read_recording(file: Path, rules: ImportMap) -> Run:
     return run
 
 
+def _has_contract_name(header: str) -> bool:
+    """Tell whether a column is `name[unit]` with the name of a signal, so that it needs no mapping."""
+    name, unit = split_header(header)
+    return unit is not None and (name == TIME.name or name in BY_NAME)
+
+
+def _is_taken_as_it_is(header: str, rules: ImportMap) -> bool:
+    """Tell whether a column becomes the signal whose name it bears: it is neither ignored nor mapped from another."""
+    return header not in rules.ignore and _has_contract_name(header) and split_header(header)[0] not in rules.signals
+
+
 def _mapped(file: Path, table: ForeignTable, name: str, item: SignalMap) -> Floats:
     raw = table.columns[item.column]
     bad = np.flatnonzero(~np.isfinite(raw))
@@ -150,7 +163,7 @@ def _take_unmapped(
 ) -> None:
     name, unit = split_header(header)
     column = table.columns[header]
-    if unit is not None and name not in signals and (name == TIME.name or name in BY_NAME):
+    if name not in signals and _has_contract_name(header):
         signals[name] = contract_column(file, name, unit, column)
         return
     wrong = int((~np.isfinite(column)).sum())

@@ -128,6 +128,43 @@ def test_what_is_wrong_in_the_data_is_named_and_nothing_is_written(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("cell", ["nan", "", "inf", "1e999", "x"])
+def test_a_column_with_a_contract_name_is_as_strict_as_a_mapped_one(tmp_path: Path, cell: str) -> None:
+    file = write(tmp_path, "x.csv", f"time[s],motor_position[rad],remark\n0,1,a\n1,{cell},b\n")
+    with pytest.raises(DataError) as caught:
+        import_files([file], None, tmp_path / "out")
+    assert (caught.value.file, caught.value.column, caught.value.row) == (str(file), "motor_position[rad]", 3)
+    assert not (tmp_path / "out").exists()
+
+
+def test_only_the_cell_that_says_so_is_a_missing_sample(tmp_path: Path) -> None:
+    file = write(tmp_path, "x.csv", "time[s],motor_position[rad]\n0,1\n1,NA\n")
+    (run,) = load_runs(import_files([file], None, tmp_path / "out"))
+    assert list(np.isnan(run.signals["motor_position"])) == [False, True]
+
+
+def test_a_contract_column_that_is_mapped_elsewhere_or_ignored_may_hold_anything(tmp_path: Path) -> None:
+    rules = 'ignore = ["motor_torque[N*m]"]\n[signals.motor_position]\ncolumn = "p"\nunit = "rad"\n'
+    table = "time[s],p,motor_position[rad],motor_torque[N*m]\n0,1,nan,nan\n1,2,nan,nan\n"
+    (run,) = bring_in(tmp_path, table, rules)
+    assert set(run.signals) == {"motor_position"}
+    assert any("'motor_position[rad]' left out: 2 of 2" in note for note in run.warnings)
+
+
+def test_a_contract_dataset_of_a_binary_file_is_strict_too(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "b.h5", "w") as file:
+        file["time[s]"], file["motor_position[rad]"] = np.arange(3.0), np.array([0.0, np.nan, 1.0])
+    with pytest.raises(DataError, match="not a finite number") as caught:
+        import_files([tmp_path / "b.h5"], None, tmp_path / "out")
+    assert (caught.value.column, caught.value.row) == ("motor_position[rad]", 2)
+
+
+def test_a_contract_column_that_is_there_twice_is_refused(tmp_path: Path) -> None:
+    file = write(tmp_path, "x.csv", "time[s],motor_position[rad],motor_position[rad]\n0,1,2\n")
+    with pytest.raises(DataError, match="twice"):
+        import_files([file], None, tmp_path / "out")
+
+
 def test_one_bad_file_of_several_keeps_all_from_being_written(tmp_path: Path) -> None:
     good, bad = write(tmp_path, "a.csv", "t,tau\n0,1\n"), write(tmp_path, "b.csv", "t,tau\n0,nan\n")
     with pytest.raises(DataError, match=r"b\.csv"):
