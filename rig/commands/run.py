@@ -14,7 +14,7 @@ from procedures.intents import Measurement, Result
 from procedures.plan import PlannedRun, build_parameters
 from procedures.registry import PROCEDURES
 from rig.bench import Bench, FixtureLock
-from rig.config.bench import BenchFile, Lock, load_bench
+from rig.config.bench import BenchFile, Lock, load_bench, naming_the_bench
 from rig.config.dut import Dut, default_dut, load_dut
 from rig.log.load import load_run
 from rig.loop.model_file import Model, load_model
@@ -67,9 +67,10 @@ def run_command(names: tuple[str, ...], options: RunOptions, dry_run: bool) -> N
         )
     dut, dut_text = _dut(options.dut, model)
     if dry_run:
-        _dry_run(jobs, bench_file, dut, model, options)
+        with naming_the_bench(options.bench):
+            _dry_run(jobs, bench_file, dut, model, options)
         return
-    with Stop().listening() as stop:
+    with naming_the_bench(options.bench), Stop().listening() as stop:
         bench, operator, backend, assumed = _make_bench(bench_file, dut, model, options)
         for line in assumed:
             tell(f"assumed: {line}")

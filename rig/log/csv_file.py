@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import BeforeValidator, ConfigDict, Field
+from pydantic import BeforeValidator, ConfigDict, Field, PlainValidator
 
 from drivers.errors import DataError
 from drivers.signals import BY_NAME, INTEGER_SIGNALS, TIME
-from rig.config.toml_file import FileModel, parse_toml, read_text, whole_number_is_a_number
+from rig.config.toml_file import FileModel, parse_toml, plain_value, read_text, whole_number_is_a_number
 from rig.log.names import plain_name
 from rig.log.run import Floats, ProcedureName, Run
 from rig.log.text_table import MISSING, read_text_table
@@ -26,7 +26,11 @@ _UNFIT_FOR_HEADER = re.compile(r"[\[\]\r\n]")
 _ROWS_AT_ONCE = 10_000
 
 
-Scalar = str | bool | int | float | datetime | date | time
+def _fact(value: object) -> object:
+    return value if isinstance(value, datetime | date | time) else plain_value(value)
+
+
+Fact = Annotated[str | bool | int | float | datetime | date | time, PlainValidator(_fact)]
 Angle = Annotated[float, BeforeValidator(whole_number_is_a_number)]
 
 
@@ -34,7 +38,7 @@ class RunFacts(FileModel):
     """What a sidecar or the `[run]` table of a mapping says; any further key is kept as metadata."""
 
     model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[str, Scalar] = Field(init=False)
+    __pydantic_extra__: dict[str, Fact] = Field(init=False)
 
     procedure: Annotated[ProcedureName, Field(strict=False)] | None = None
     replicate: Annotated[str, Field(min_length=1, max_length=200)] | None = None

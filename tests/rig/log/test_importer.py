@@ -190,6 +190,24 @@ def test_every_mistake_of_a_mapping_is_reported_at_once(tmp_path: Path) -> None:
     }
 
 
+def test_rules_between_values_are_checked_where_a_value_is_wrong(tmp_path: Path) -> None:
+    rules = (
+        '[signals.output_torque]\ncolumn = 3\nunit = "parsec"\nscale = 0\n[signals.motor_curent]\ncolumn = "b"\n'
+        '[run]\noperator = [1]\n[run.split]\nby = "tme"\n'
+    )
+    with pytest.raises(ConfigError) as caught:
+        bring_in(tmp_path, "a,b\n0,1\n", rules)
+    assert sorted(mistake.path for mistake in caught.value.mistakes) == [
+        "run.operator",
+        "run.split",
+        "run.split.by",
+        "signals.motor_curent",
+        "signals.output_torque.column",
+        "signals.output_torque.scale",
+        "signals.output_torque.unit",
+    ]
+
+
 @pytest.mark.parametrize(
     ("rules", "words"),
     [
