@@ -1,44 +1,38 @@
 """What a person or a program sees of a command: errors as one paragraph on stderr, results as text or JSON."""
 
 import json
-import signal
 import sys
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 
-import typer
+from drivers.errors import RigError
 
-from drivers.errors import AbortedError, RigError
+MAX_SHOWN = 60
+"""Letters of a value, key or line that a message repeats."""
 
 
 def tell(text: str) -> None:
     """Print a line for the person at the terminal (stderr, so that stdout holds results only)."""
-    typer.echo(text, err=True)
+    print(text, file=sys.stderr)
 
 
 def emit(record: Mapping[str, object]) -> None:
     """Print one JSON document on stdout."""
-    typer.echo(json.dumps(record, default=str, allow_nan=False))
+    print(json.dumps(record, default=str, allow_nan=False))
 
 
-@contextmanager
-def reporting(as_json: bool = False) -> Iterator[None]:
-    """Turn an error of the tree into its paragraph and its exit code."""
+def shortened(text: str) -> str:
+    """Give what a person wrote short enough to be repeated in a message."""
+    return text if len(text) <= MAX_SHOWN else f"{text[: MAX_SHOWN - 3]}..."
+
+
+def carry_out(command: Callable[[], object], *, as_json: bool) -> int:
+    """Give the exit code of a command: what it returned, 0 for nothing; an error of the tree is told first."""
     try:
-        yield
+        code = command()
     except RigError as error:
-        if error.exit_code == AbortedError.exit_code:
-            signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one must not cut the message short
         _report(error, as_json)
-        raise typer.Exit(error.exit_code) from error
-    except KeyboardInterrupt as error:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one must not cut the message short
-        aborted = AbortedError("SIGINT")
-        _report(aborted, as_json)
-        raise typer.Exit(aborted.exit_code) from error
-    except BrokenPipeError:
-        sys.stderr.close()
-        raise typer.Exit(0) from None
+        return error.exit_code
+    return code if isinstance(code, int) else 0
 
 
 def _report(error: RigError, as_json: bool) -> None:

@@ -19,12 +19,10 @@ from pydantic import (
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from drivers.errors import ConfigError, Mistake
+from rig.terminal import MAX_SHOWN, shortened
 
 MAX_BYTES = 1_000_000
 """A configuration is a page of text; anything larger is another file."""
-
-MAX_SHOWN = 60
-"""Letters of a value, key or line that a message repeats."""
 
 _PLACE = re.compile(r"(?P<what>.*) \(at (line (?P<line>\d+), column \d+|end of document)\)", re.DOTALL)
 
@@ -134,7 +132,7 @@ def mistakes_of(error: ValidationError) -> list[Mistake]:
     """Give everything that a model found wrong, with its path and what stood there."""
     return [
         Mistake(
-            ".".join(_cut(str(part)) for part in item["loc"]) or "file",
+            ".".join(shortened(str(part)) for part in item["loc"]) or "file",
             None if item["type"] == "missing" else _shown(item.get("input")),
             item["msg"].removeprefix("Value error, "),
         )
@@ -171,10 +169,10 @@ def _syntax_mistake(text: str, message: str) -> Mistake:
     line = text.split("\n")[number - 1].strip() if number <= len(text.split("\n")) else ""
     rule = f"no TOML: {match['what']}"
     if match["what"] == "Cannot overwrite a value":
-        rule = f"the key '{_cut(line.partition('=')[0].strip())}' is there twice"
+        rule = f"the key '{shortened(line.partition('=')[0].strip())}' is there twice"
     elif match["what"].startswith("Cannot declare"):
-        rule = f"the table '{_cut(line.strip('[] '))}' is there twice"
-    return Mistake(f"line {number}", _cut(line), rule)
+        rule = f"the table '{shortened(line.strip('[] '))}' is there twice"
+    return Mistake(f"line {number}", shortened(line), rule)
 
 
 def _shown(value: object) -> object:
@@ -182,10 +180,6 @@ def _shown(value: object) -> object:
     if isinstance(value, dict):
         return "table"
     if isinstance(value, str):
-        return _cut(value)
+        return shortened(value)
     text = repr(value)
-    return value if len(text) <= MAX_SHOWN else _cut(text)
-
-
-def _cut(text: str) -> str:
-    return text if len(text) <= MAX_SHOWN else text[: MAX_SHOWN - 3] + "..."
+    return value if len(text) <= MAX_SHOWN else shortened(text)

@@ -154,14 +154,35 @@ def test_a_limit_hit_in_motion_ends_with_code_3_and_a_complete_log(tmp_path):
         (["run", "free-run", "--dut", "none.toml"], ["none.toml"]),
         (["run", "free-run", "--model", "none.json"], ["none.json"]),
         (["export", ".", "--to", "xlsx"], ["xlsx", "hdf5"]),
+        (["proceduers"], ["proceduers", "did you mean 'procedures'?"]),
+        (["loop", ".", "--alpha", "nan"], ["--alpha = 'nan'", "0.5", "rig loop --help"]),
+        (["run", "free-run", "--repeat=0"], ["--repeat = '0'", "greater than or equal to 1"]),
+        (["show"], ["RUN = None: missing"]),
+        (["show", "--colour", "red"], ["No such option: --colour"]),
+        (["run", "free-run", "--set"], ["--set", "requires an argument"]),
     ],
 )
 def test_wrong_use_is_one_paragraph_and_code_2(arguments, words):
     answer = rig(*arguments)
     assert answer.exit_code == 2
     assert answer.stdout == ""
+    assert len(answer.stderr.splitlines()) == 1
     for word in words:
         assert word in answer.stderr
+
+
+@pytest.mark.parametrize("arguments", [["run", "free-run", "--repeat", "0"], ["bla"], ["show", "none.mcap"]])
+def test_an_error_is_json_too_where_json_is_asked_for(arguments):
+    answer = rig(*arguments, "--json")
+    error = json.loads(answer.stdout)["error"]
+    assert error["exit_code"] == answer.exit_code
+    assert error["message"] in answer.stderr
+
+
+def test_without_a_command_there_is_help():
+    answer = rig()
+    assert answer.exit_code == 0
+    assert "procedures" in answer.stdout
 
 
 def test_every_wrong_argument_is_named_at_once():
