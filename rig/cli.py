@@ -208,12 +208,3 @@ def demo(
     from rig.commands.demo import demo_command
 
     demo_command(seed, out, as_json)
-
-
-def main() -> None:
-    """Run the command line; an interrupt before or after a command's own care is an abort as well."""
-    try:
-        app()
-    except KeyboardInterrupt:
-        typer.echo("Aborted: SIGINT.", err=True)
-        sys.exit(4)

@@ -4,7 +4,8 @@ import json
 import sys
 from collections.abc import Callable, Mapping
 
-from drivers.errors import RigError
+from drivers.errors import AbortedError, RigError
+from rig.interrupt import Interrupted, ignore_signals
 
 MAX_SHOWN = 60
 """Letters of a value, key or line that a message repeats."""
@@ -32,12 +33,17 @@ def carry_out(command: Callable[[], object], *, as_json: bool) -> int:
     except RigError as error:
         _report(error, as_json)
         return error.exit_code
+    except Interrupted as interrupted:
+        ignore_signals()  # a second one must not cut the message short
+        aborted = AbortedError(interrupted.by)
+        _report(aborted, as_json)
+        return aborted.exit_code
     return code if isinstance(code, int) else 0
 
 
 def _report(error: RigError, as_json: bool) -> None:
     notes = getattr(error, "__notes__", [])
-    tell(" ".join([f"{_title(error)}: {error}", *notes]))
+    tell(" ".join([f"{_title(error)}{error}", *notes]))
     if as_json:
         emit(
             {
@@ -54,7 +60,9 @@ def _report(error: RigError, as_json: bool) -> None:
 
 
 def _title(error: RigError) -> str:
-    return {2: "Wrong use", 3: "Bench stopped", 4: "Aborted", 5: "Data"}.get(error.exit_code, "Error")
+    if error.exit_code == AbortedError.exit_code:
+        return ""  # the message begins with the word
+    return {2: "Wrong use: ", 3: "Bench stopped: ", 5: "Data: "}.get(error.exit_code, "Error: ")
 
 
 def _plain(value: object) -> object:

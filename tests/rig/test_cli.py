@@ -1,7 +1,6 @@
 """The commands as their user meets them: exit code, one paragraph on stderr, results on stdout."""
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -239,29 +238,84 @@ def test_lists_are_complete_in_text_and_json():
         assert json.loads(rig(command, "--json").stdout)[key]
 
 
+PROGRAM = [sys.executable, "-m", "rig"]
+ANNOUNCED = """
+import rig.__main__ as program
+listen = program.interrupt_on_signals
+def announce():
+    listen()
+    print("listening", flush=True)
+program.interrupt_on_signals = announce
+program.main()
+"""
+"""The program, saying when it has begun to listen to signals."""
+
+
+def wait(seconds: float) -> None:
+    clock = RealClock()
+    clock.sleep_until(clock.now() + seconds)
+
+
 @pytest.mark.parametrize(
-    ("sent", "by"), [(signal.SIGINT, "SIGINT"), (signal.SIGTERM, "SIGTERM"), (signal.SIGHUP, "SIGHUP")]
+    ("sent", "then"),
+    [
+        (signal.SIGINT, signal.SIGTERM),
+        (signal.SIGTERM, signal.SIGINT),
+        (signal.SIGHUP, signal.SIGHUP),
+    ],
 )
-def test_a_signal_ends_a_run_safely_with_code_4_and_a_complete_log(tmp_path, sent, by):
-    process = subprocess.Popen(
-        [sys.executable, "-c", "from rig.cli import main; main()", "run", "free-run", "-o", str(tmp_path)],
-        stderr=subprocess.PIPE,
-        text=True,
-        env=os.environ,
-    )
+def test_a_signal_ends_a_run_safely_with_code_4_and_a_complete_log(tmp_path, sent, then):
+    process = subprocess.Popen([*PROGRAM, "run", "free-run", "-o", str(tmp_path)], stderr=subprocess.PIPE, text=True)
     clock = RealClock()
     while not list(tmp_path.glob("*.mcap")) and clock.now() < 60:
-        clock.sleep_until(clock.now() + 0.05)
-    clock.sleep_until(clock.now() + 0.5)
+        wait(0.05)
+    wait(0.5)
     process.send_signal(sent)
+    wait(0.1)  # while the bench is made safe, the log closed, the error told or the interpreter ended
+    process.send_signal(then)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 4, errors
-    assert by in errors
+    assert errors.splitlines()[-1].startswith(f"Aborted by {sent.name}")
     assert "confirmed" in errors
     (run,) = load_runs([tmp_path])
     assert run.complete
     assert run.metadata["outcome.status"] == "aborted"
     assert run.metadata["outcome.safe_state_confirmed"] == "true"
+
+
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("delay", [0.0, 0.15, 0.4])
+def test_a_signal_during_the_imports_is_an_abort_in_one_line(tmp_path, sent, delay):
+    process = subprocess.Popen(
+        [sys.executable, "-c", ANNOUNCED, "run", "free-run", "--set", "free-run.dwell=30", "-o", str(tmp_path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout.readline() == "listening\n"
+    wait(delay)
+    process.send_signal(sent)
+    process.send_signal(signal.SIGTERM)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 4, errors
+    assert errors.startswith("Aborted by ")
+    assert len(errors.splitlines()) == 1
+
+
+def test_a_hang_up_that_was_to_be_ignored_does_not_end_a_run(tmp_path):
+    process = subprocess.Popen(
+        ["nohup", *PROGRAM, "run", "backdrive", *SHORT_BACKDRIVE, "-o", str(tmp_path)],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    clock = RealClock()
+    while not list(tmp_path.glob("*.mcap")) and clock.now() < 60:
+        wait(0.05)
+    process.send_signal(signal.SIGHUP)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 0, errors
 
 
 def test_hostile_names_in_a_log_do_not_reach_the_terminal_as_markup(tmp_path):
