@@ -9,6 +9,9 @@ def main() -> None:
     """Run the command line and leave with its exit code; a signal at any moment is an abort."""
     try:
         interrupt_on_signals()
+        from rig.outlets import guard_outlets
+
+        guard_outlets()
         from rig.cli import app
 
         app()

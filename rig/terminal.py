@@ -3,9 +3,11 @@
 import json
 import sys
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 
-from drivers.errors import AbortedError, RigError
+from drivers.errors import AbortedError, ConfigError, RigError
 from rig.interrupt import Interrupted, ignore_signals
+from rig.outlets import NobodyReads
 
 MAX_SHOWN = 60
 """Letters of a value, key or line that a message repeats."""
@@ -28,17 +30,22 @@ def shortened(text: str) -> str:
 
 def carry_out(command: Callable[[], object], *, as_json: bool) -> int:
     """Give the exit code of a command: what it returned, 0 for nothing; an error of the tree is told first."""
+    error: RigError
     try:
         code = command()
-    except RigError as error:
-        _report(error, as_json)
-        return error.exit_code
+        sys.stdout.flush()
+        return code if isinstance(code, int) else 0
+    except NobodyReads:
+        return 0
+    except RigError as caught:
+        error = caught
     except Interrupted as interrupted:
         ignore_signals()  # a second one must not cut the message short
-        aborted = AbortedError(interrupted.by)
-        _report(aborted, as_json)
-        return aborted.exit_code
-    return code if isinstance(code, int) else 0
+        error = AbortedError(interrupted.by)
+    with suppress(NobodyReads, ConfigError):  # that stdout is lost as well, the exit code need not tell
+        _report(error, as_json)
+        sys.stdout.flush()
+    return error.exit_code
 
 
 def _report(error: RigError, as_json: bool) -> None:

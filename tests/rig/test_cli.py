@@ -1,6 +1,8 @@
 """The commands as their user meets them: exit code, one paragraph on stderr, results on stdout."""
 
 import json
+import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -316,6 +318,46 @@ def test_a_hang_up_that_was_to_be_ignored_does_not_end_a_run(tmp_path):
     process.send_signal(signal.SIGHUP)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 0, errors
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_run_goes_on_and_is_logged_when_nobody_reads_the_terminal(tmp_path, unbuffered):
+    process = subprocess.Popen(
+        [*PROGRAM, "run", "backdrive", *SHORT_BACKDRIVE, "--repeat", "2", "-o", str(tmp_path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env=os.environ | {"PYTHONUNBUFFERED": unbuffered},
+    )
+    process.stdout.close()
+    process.stderr.close()
+    assert process.wait(timeout=60) == 0
+    assert len(load_runs([tmp_path])) == 2
+
+
+def test_a_run_is_logged_without_any_standard_descriptor(tmp_path):
+    command = f"exec {shlex.join([*PROGRAM, 'run', 'backdrive', *SHORT_BACKDRIVE, '-o', str(tmp_path)])} <&- >&- 2>&-"
+    assert subprocess.run(["sh", "-c", command], timeout=60).returncode == 0
+    (run,) = load_runs([tmp_path])
+    assert run.complete
+
+
+@pytest.mark.parametrize("arguments", [["procedures"], ["--help"], ["effects", "--json"]])
+def test_a_reader_that_stops_early_is_no_error(arguments):
+    process = subprocess.Popen([*PROGRAM, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process.stdout.close()
+    assert process.stderr.read() == ""
+    assert process.wait(timeout=60) == 0
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+def test_a_full_disk_under_stdout_is_one_paragraph_and_code_2():
+    with Path("/dev/full").open("w") as full:
+        answer = subprocess.run([*PROGRAM, "procedures"], stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+        assert answer.returncode == 2
+        assert len(answer.stderr.splitlines()) == 1
+        assert "No space left" in answer.stderr
+        answer = subprocess.run([*PROGRAM, "show", "none.mcap"], stdout=full, stderr=full, timeout=60)
+        assert answer.returncode == 5
 
 
 def test_hostile_names_in_a_log_do_not_reach_the_terminal_as_markup(tmp_path):
