@@ -216,6 +216,15 @@ def test_without_a_command_there_is_help():
     assert "procedures" in answer.stdout
 
 
+def test_nothing_is_said_to_be_assumed_before_a_refusal(tmp_path):
+    dut = tmp_path / "dut.toml"
+    dut.write_text('name = "x"\n[gear]\nrated_torque = 16\n')
+    answer = rig("run", "starting-torque", "--dut", dut)
+    assert answer.exit_code == 2
+    assert "gear.ratio" in answer.stderr
+    assert "assumed" not in answer.stderr
+
+
 def test_every_wrong_argument_is_named_at_once():
     answer = rig("run", "spin", "free-run", "--set", "free-run.a=1", "--set", "free-run.dwell=-1", "--set", "x")
     for word in ("spin", "free-run.a", "free-run.dwell", "'x'"):
