@@ -11,18 +11,15 @@ from numpy.typing import NDArray
 from drivers.errors import DataError
 from drivers.signals import AUXILIARY_PREFIX, BY_NAME, INTEGER_SIGNALS, TIME
 from drivers.types import Sample
-from rig.log.csv_file import column_warnings, contract_column, near_miss_signal, split_header
+from rig.log.csv_file import column_warnings, contract_column, near_miss_signal, refuse_overflow, split_header
 from rig.log.foreign import ForeignTable, read_foreign
 from rig.log.mapping import MAX_BLOCKS, ImportMap, SignalMap, Split, load_map
 from rig.log.mcap_reader import IMPORT_WARNINGS
 from rig.log.names import plain_name, safe_name
 from rig.log.run import Floats, Run
-from rig.log.timeline import make_run
+from rig.log.timeline import check_stamps, make_run
 from rig.log.units import find_unit, to_si
 from rig.log.writer import LogWriter
-
-MAX_SECONDS = 1e9
-"""Longest recording: 31 years. A longer one has its time in another unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +81,7 @@ def read_recording(file: Path, rules: ImportMap) -> Run:
     time = signals.pop(TIME.name)
     if not signals:
         raise DataError(str(file), "no column is a signal", expected="[signals.NAME] in the mapping")
+    refuse_overflow(file, {TIME.name: time, **signals}, table.row_of)
     _refuse_other_length(file, time, signals, rules)
     for name in [name for name, column in auxiliary.items() if len(column) != len(time)]:
         warnings.append(f"column '{name}' left out: {len(auxiliary.pop(name))} values, time has {len(time)}")
@@ -98,21 +96,17 @@ def read_recording(file: Path, rules: ImportMap) -> Run:
         warnings=warnings,
         row_of=table.row_of,
     )
-    if run.time[-1] > MAX_SECONDS:
-        raise DataError(
-            str(file),
-            f"the recording would last {run.time[-1]:.3g} s",
-            column="time",
-            expected=f"at most {MAX_SECONDS:.0e} s",
-            hint="State the unit of time in the mapping.",
-        )
+    # a log keeps whole nanoseconds
+    check_stamps(len(run.time), len(np.unique(np.round(run.time * 1e9))), file)
     return run
 
 
 def _has_contract_name(header: str) -> bool:
-    """Tell whether a column is `name[unit]` with the name of a signal, so that it needs no mapping."""
+    """Tell whether a column is `name[unit]`, or a count without a unit, so that it needs no mapping."""
     name, unit = split_header(header)
-    return unit is not None and (name == TIME.name or name in BY_NAME)
+    if name == TIME.name or name in BY_NAME:
+        return unit is not None or name in INTEGER_SIGNALS
+    return False
 
 
 def _is_taken_as_it_is(header: str, rules: ImportMap) -> bool:
@@ -130,9 +124,9 @@ def _mapped(file: Path, table: ForeignTable, name: str, item: SignalMap) -> Floa
         )
     if not len(raw):
         raise DataError(str(file), "the column holds no sample", column=item.column)
-    value = (
-        raw if (item.scale, item.offset, item.sign) == (1.0, 0.0, 1) else item.sign * (item.scale * raw + item.offset)
-    )
+    with np.errstate(over="ignore"):  # what is too large then is refused by its row
+        plain = (item.scale, item.offset, item.sign) == (1.0, 0.0, 1)
+        value = raw if plain else item.sign * (item.scale * raw + item.offset)
     if name.startswith(AUXILIARY_PREFIX):
         return value
     bracket = split_header(item.column)[1]

@@ -292,6 +292,31 @@ def test_a_recording_of_a_century_has_its_time_in_the_wrong_unit(tmp_path: Path)
         bring_in(tmp_path, "time[s],motor_torque[N*m]\n0,1\n4e9,1\n", "")
 
 
+def test_an_offset_that_swallows_the_time_is_refused(tmp_path: Path) -> None:
+    table = "t,tau\n" + "".join(f"{index},1\n" for index in range(50))
+    with pytest.raises(DataError, match="50 samples have only 1 different"):
+        bring_in(tmp_path, table, MAP.replace('unit = "ms"', 'unit = "s"\noffset = 1e18'))
+    with pytest.raises(DataError, match="50 samples have only 1 different"):
+        bring_in(tmp_path, table, MAP.replace('unit = "ms"', 'unit = "ns"\nscale = 0.001'))
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_scale_beyond_all_numbers_is_refused_by_its_row(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="too large in SI") as caught:
+        bring_in(tmp_path, "t,tau\n0,0\n1,1e10\n", MAP.replace("scale = 2.0", "scale = 1e300"))
+    assert (caught.value.column, caught.value.row) == ("output_torque", 3)
+
+
+def test_a_status_word_needs_no_unit_and_takes_whole_numbers_only(tmp_path: Path) -> None:
+    table = "time[s],motor_torque[N*m],status_word,motor_position\n0,1,39,0\n1,2,{},1\n"
+    (run,) = load_runs(import_files([write(tmp_path, "a.csv", table.format(55))], None, tmp_path / "out"))
+    assert list(run.signals["status_word"]) == [39, 55]
+    assert any("'motor_position' is kept as auxiliary, since it states no unit" in note for note in run.warnings)
+    with pytest.raises(DataError, match="no whole number") as caught:
+        import_files([write(tmp_path, "b.csv", table.format(39.0001))], None, tmp_path / "out")
+    assert (caught.value.column, caught.value.row) == ("status_word", 3)
+
+
 def test_an_existing_log_is_not_overwritten(tmp_path: Path) -> None:
     bring_in(tmp_path, "t,tau\n0,1\n", MAP)
     with pytest.raises(ConfigError, match="never overwritten"):
