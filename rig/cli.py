@@ -1,15 +1,59 @@
 """The command line. Each command imports what it needs in its body, so that `rig --help` answers at once."""
 
+import re
 import sys
+from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, cast
 
 import typer
+from typer.core import TyperGroup
 
-from rig.terminal import reporting
+from drivers.errors import ConfigError, Mistake
+from rig.terminal import carry_out, shortened
+
+_SUGGESTION = re.compile(r"\. Did you mean (.*)\?$")
+
+UsageError = cast(type[Exception], typer.BadParameter.__mro__[1])
+"""What typer raises for a command line that it cannot read; the class itself has no public name."""
+
+
+class CommandLine(TyperGroup):
+    """The commands. Whatever goes wrong is told in one way, also a command line that cannot be read."""
+
+    def main(self, args: Sequence[str] | None = None, *further: Any, **options: Any) -> None:
+        """Carry out a command line and leave with its exit code."""
+        words = list(sys.argv[1:] if args is None else args)
+
+        def command() -> object:
+            try:
+                return super(CommandLine, self).main(words or ["--help"], "rig", standalone_mode=False)
+            except UsageError as error:
+                raise _wrong_use(error, words) from error
+
+        sys.exit(carry_out(command, as_json="--json" in words))
+
+
+def _wrong_use(error: Any, words: Sequence[str]) -> ConfigError:
+    """Name the argument, what was given for it, and what is expected."""
+    param = getattr(error, "param", None)
+    rule = _SUGGESTION.sub(r" (did you mean \1?)", error.message).rstrip(".") or "missing"
+    if param is None:
+        mistake = Mistake("rig", shortened(" ".join(words)), rule)
+    else:
+        name = param.opts[-1]
+        given = next((after for word, after in pairwise(words) if word == name), None)
+        given = next((word[len(name) + 1 :] for word in words if word.startswith(f"{name}=")), given)
+        shown = name if name.startswith("-") else param.metavar or name
+        mistake = Mistake(shown, given and shortened(given), rule)
+    command = error.ctx.command_path if error.ctx is not None else "rig"
+    return ConfigError("command line", [mistake], hint=f"See `{command} --help`.")
+
 
 app = typer.Typer(
     name="rig",
+    cls=CommandLine,
     help="Test-rig software for benches with a motor, a harmonic drive and encoders.",
     no_args_is_help=True,
     add_completion=False,
@@ -41,41 +85,37 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Run procedures on a bench and log each run."""
-    with reporting(as_json):
-        from rig.commands.run import RunOptions, run_command
+    from rig.commands.run import RunOptions, run_command
 
-        run_command(
-            tuple(procedures),
-            RunOptions(bench, dut, model, tuple(settings or ()), repeat, yes, seed, out, as_json),
-            dry_run,
-        )
+    run_command(
+        tuple(procedures),
+        RunOptions(bench, dut, model, tuple(settings or ()), repeat, yes, seed, out, as_json),
+        dry_run,
+    )
 
 
 @app.command()
 def procedures(as_json: Json = False) -> None:
     """List the procedures, their parameters, units and ranges."""
-    with reporting(as_json):
-        from rig.commands.lists import list_procedures
+    from rig.commands.lists import list_procedures
 
-        list_procedures(as_json)
+    list_procedures(as_json)
 
 
 @app.command()
 def devices(as_json: Json = False) -> None:
     """List the device drivers."""
-    with reporting(as_json):
-        from rig.commands.lists import list_devices
+    from rig.commands.lists import list_devices
 
-        list_devices(as_json)
+    list_devices(as_json)
 
 
 @app.command()
 def effects(as_json: Json = False) -> None:
     """List the effects that the model and the simulated bench know."""
-    with reporting(as_json):
-        from rig.commands.lists import list_effects
+    from rig.commands.lists import list_effects
 
-        list_effects(as_json)
+    list_effects(as_json)
 
 
 @app.command()
@@ -83,10 +123,9 @@ def show(
     log: Annotated[Path, typer.Argument(metavar="RUN", help="A log (.mcap or .csv).")], as_json: Json = False
 ) -> None:
     """Show what a log holds."""
-    with reporting(as_json):
-        from rig.commands.logs import show_command
+    from rig.commands.logs import show_command
 
-        show_command(log, as_json)
+    show_command(log, as_json)
 
 
 @app.command()
@@ -96,10 +135,9 @@ def recover(
     as_json: Json = False,
 ) -> None:
     """Save what is readable of a log that was cut off."""
-    with reporting(as_json):
-        from rig.commands.logs import recover_command
+    from rig.commands.logs import recover_command
 
-        recover_command(log, out, as_json)
+    recover_command(log, out, as_json)
 
 
 @app.command()
@@ -110,10 +148,9 @@ def export(
     as_json: Json = False,
 ) -> None:
     """Export logs for other programs."""
-    with reporting(as_json):
-        from rig.commands.logs import export_command
+    from rig.commands.logs import export_command
 
-        export_command(tuple(logs), to, out, as_json)
+    export_command(tuple(logs), to, out, as_json)
 
 
 @app.command("import")
@@ -126,10 +163,9 @@ def import_(
     as_json: Json = False,
 ) -> None:
     """Turn foreign recordings into logs."""
-    with reporting(as_json):
-        from rig.commands.logs import import_command
+    from rig.commands.logs import import_command
 
-        import_command(tuple(files), mapping, out, as_json)
+    import_command(tuple(files), mapping, out, as_json)
 
 
 @app.command()
@@ -144,10 +180,9 @@ def loop(
     as_json: Json = False,
 ) -> None:
     """Fit the model, find the residual, trace it to what the model lacks, report the error before and after."""
-    with reporting(as_json):
-        from rig.commands.loop import LoopCommand, loop_command
+    from rig.commands.loop import LoopCommand, loop_command
 
-        loop_command(tuple(logs), LoopCommand(dut, base, tuple(held_out or ()), alpha, seed, out, as_json))
+    loop_command(tuple(logs), LoopCommand(dut, base, tuple(held_out or ()), alpha, seed, out, as_json))
 
 
 @app.command()
@@ -158,10 +193,9 @@ def predict(
     as_json: Json = False,
 ) -> None:
     """Evaluate a model on logs: prediction and residual of every equation the log allows."""
-    with reporting(as_json):
-        from rig.commands.loop import predict_command
+    from rig.commands.loop import predict_command
 
-        predict_command(model, tuple(logs), out, as_json)
+    predict_command(model, tuple(logs), out, as_json)
 
 
 @app.command()
@@ -171,16 +205,6 @@ def demo(
     as_json: Json = False,
 ) -> None:
     """Tell the whole story on the simulated bench, with an effect that the loop is not told."""
-    with reporting(as_json):
-        from rig.commands.demo import demo_command
+    from rig.commands.demo import demo_command
 
-        demo_command(seed, out, as_json)
-
-
-def main() -> None:
-    """Run the command line; an interrupt before or after a command's own care is an abort as well."""
-    try:
-        app()
-    except KeyboardInterrupt:
-        typer.echo("Aborted: SIGINT.", err=True)
-        sys.exit(4)
+    demo_command(seed, out, as_json)

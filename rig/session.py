@@ -146,17 +146,24 @@ class Session:
     watcher: Watcher = field(default_factory=Watcher)
 
 
+Plans = tuple[tuple[Job, tuple[PlannedRun, ...]], ...]
+
+
+def plan_jobs(bench: Bench, dut: Dut, jobs: Sequence[Job]) -> Plans:
+    """Give the runs of each job; the bench need not be open. Raises ConfigError where bench or dut do not allow it."""
+    facts = bench_facts(bench, dut)
+    for job in jobs:
+        check_equipment(job, facts)
+    return tuple((job, _repeated(job.procedure.plan(job.parameters, facts), job.repeat)) for job in jobs)
+
+
 def run_jobs(session: Session, jobs: Sequence[Job]) -> tuple[JobRecord, ...]:
     """Run every job and log into the session's folder. Raises the error that ended a run early.
 
     The bench is opened and closed around each run: every run starts from devices that were configured and read back
     just before, and nothing waits for a heartbeat while results are computed.
     """
-    facts = bench_facts(session.bench, session.dut)
-    plans: list[tuple[Job, tuple[PlannedRun, ...]]] = []
-    for job in jobs:
-        check_equipment(job, facts)
-        plans.append((job, _repeated(job.procedure.plan(job.parameters, facts), job.repeat)))
+    plans = plan_jobs(session.bench, session.dut, jobs)
     writable_folder(session.out)
     records = []
     for job, plan in plans:

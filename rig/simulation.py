@@ -2,9 +2,9 @@
 
 import math
 import secrets
-import struct
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 from drivers.clock import VirtualClock
 from drivers.errors import ConfigError, Mistake
@@ -25,7 +25,11 @@ from sim_backend.plant import Plant
 from sim_backend.world import World
 
 LEAST_RATED_TORQUE = 1e-3
-"""N*m; the rated torque of a CiA 402 drive (0x6076) is a whole number of mN*m."""
+MOST_RATED_TORQUE = (2**32 - 1) * 1e-3
+"""N*m; the rated torque of a CiA 402 drive (0x6076) is a whole number of mN*m in 32 bits."""
+
+MOST_RATED_CURRENT = (2**32 - 1) * 1e-3
+"""A; the rated current (0x6075) is a whole number of mA in 32 bits."""
 
 DRIVE_MARGIN = 1.175
 """Rated torque of the simulated drives over what the gear's rated torque asks of them."""
@@ -82,15 +86,15 @@ def simulate(
     if dut or model describe a drive that cannot be.
     """
     assumed: list[str] = []
+    source = f"model of '{dut.name}'" if model is not None else f"dut '{dut.name}'"
+    mistakes = [*_drive_mistakes(bench, dut), *(_catalogue_mistakes(dut) if model is None else ())]
+    if mistakes:
+        raise ConfigError(source, mistakes, hint="The simulated bench, which a dry run needs too, cannot be built.")
     try:
         plant = _plant(bench, dut, model, effects, secrets.randbits(31) if seed is None else seed, assumed)
-    except (ModelError, OverflowError, struct.error) as error:
-        source = f"model of '{dut.name}'" if model is not None else f"dut '{dut.name}'"
-        raise ConfigError(source, [Mistake("simulated bench", dut.name, str(error))]) from error
-    if _motor_rated_torque(dut) < LEAST_RATED_TORQUE:
-        rule = f"asks for a motor of {_motor_rated_torque(dut):.3g} N*m; a drive counts in 1e-3 N*m"
-        raise ConfigError(f"dut '{dut.name}'", [Mistake("gear.rated_torque", dut.gear.rated_torque, rule)])
-    nodes = tuple(_node(role, device, plant, dut) for role, device in bench.devices.items())
+        nodes = tuple(_node(role, device, plant, dut) for role, device in bench.devices.items())
+    except (ModelError, OverflowError) as error:
+        raise ConfigError(source, [Mistake("simulated bench", dut.name, str(error).rstrip("."))]) from error
     world = World(plant, nodes)
     keys = {(device.interface, device.channel) for device in bench.devices.values()}
     if len(keys) > 1:
@@ -118,16 +122,62 @@ def _plant(
     return Plant(config, active, seed=seed)
 
 
-def _drive_from_dut(dut: Dut, assumed: list[str]) -> HarmonicDrive:
-    """Estimate the drive from catalogue values, Zhang (29)-(35); what the dut lacks comes from the shipped one."""
+def _drive_mistakes(bench: BenchFile, dut: Dut) -> Iterator[Mistake]:
+    """Name the rated torque or torque constant for which a drive has no numbers."""
+    drives = {"motor": _motor_rated_torque(dut), "load": _load_rated_torque(dut)}
+    for role, torque in drives.items():
+        if role in bench.devices and not LEAST_RATED_TORQUE <= torque <= MOST_RATED_TORQUE:
+            rule = (
+                f"asks for a {role} drive with a rated torque of {torque:.4g} N*m, which can be "
+                f"{LEAST_RATED_TORQUE:g} to {MOST_RATED_TORQUE:.4g} N*m"
+            )
+            yield Mistake("gear.rated_torque", dut.gear.rated_torque, rule)
+            return
+    constant = dut.motor.torque_constant
+    if constant is not None and drives["motor"] / constant > MOST_RATED_CURRENT:
+        rule = f"asks for a rated current of {drives['motor'] / constant:.4g} A, at most {MOST_RATED_CURRENT:.4g} A"
+        yield Mistake("motor.torque_constant", constant, rule)
+
+
+def _catalogue_mistakes(dut: Dut) -> Iterator[Mistake]:
+    """Name the catalogue values from which no drive can be estimated, in the dut's keys."""
+    values = _catalogue(dut)
+    caps: dict[str, Any] = {field.name: field.default for field in fields(PlantConfig)}
+    K1, K2, T1, T2 = (values[name] for name in ("K1", "K2", "T1", "T2"))
+    highest = K1 * ((T1 + T2) / T1) ** 2
+    if T2 <= T1:
+        yield _keys(dut, "T1", "T2", rule="T2 must be larger than T1 (N*m)")
+    elif not K1 < K2 < highest:
+        rule = f"K2 must be above K1 and, with T1 = {T1:g} N*m and T2 = {T2:g} N*m, below {highest:.4g} N*m/rad"
+        yield _keys(dut, "K1", "K2", rule=rule)
+    if caps["flexspline_stiffness_cap"] <= K1:
+        yield _keys(dut, "K1", rule=f"must be below {caps['flexspline_stiffness_cap']:g} N*m/rad")
+    most = 0.5 * caps["wave_generator_stiffness_cap"] * values["ratio"] * values["hysteresis_loss"]
+    if values["starting_torque"] >= most:
+        rule = f"starting_torque must be below {most:.4g} N*m with this ratio and hysteresis loss"
+        yield _keys(dut, "starting_torque", "hysteresis_loss", "ratio", rule=rule)
+
+
+def _keys(dut: Dut, *names: str, rule: str) -> Mistake:
+    values = _catalogue(dut)
+    shown = (f"{values[name]:g}" + (" (assumed)" if getattr(dut.gear, name) is None else "") for name in names)
+    return Mistake(", ".join(f"gear.{name}" for name in names), ", ".join(shown), rule)
+
+
+def _catalogue(dut: Dut) -> dict[str, float]:
+    """Give the values that a drive is estimated from; what the dut lacks comes from the shipped one."""
     shipped = default_dut()[0].gear
-    values: dict[str, float] = {}
-    for name in ("ratio", "K1", "K2", "T1", "T2", "hysteresis_loss", "starting_torque"):
-        value = getattr(dut.gear, name)
-        if value is None:
-            value = getattr(shipped, name)
+    names = ("ratio", "K1", "K2", "T1", "T2", "hysteresis_loss", "starting_torque")
+    own = {name: getattr(dut.gear, name) for name in names}
+    return {name: getattr(shipped, name) if value is None else value for name, value in own.items()}
+
+
+def _drive_from_dut(dut: Dut, assumed: list[str]) -> HarmonicDrive:
+    """Estimate the drive from catalogue values, Zhang (29)-(35)."""
+    values = _catalogue(dut)
+    for name, value in values.items():
+        if getattr(dut.gear, name) is None:
             assumed.append(f"gear.{name} = {value:g} (not in the dut file)")
-        values[name] = value
     viscous = VISCOUS_SHARE * values["starting_torque"]
     assumed.append(f"viscous friction {viscous:.3g} N*m*s at the motor")
     return HarmonicDrive.from_catalogue(**values, viscous_friction=viscous)

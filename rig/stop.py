@@ -1,4 +1,4 @@
-"""Signals that stop a run: they only set a flag, which the runner looks at in every cycle."""
+"""Signals during a run: they only set a flag, which the runner looks at in every cycle."""
 
 import signal
 from collections.abc import Iterator
@@ -6,10 +6,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 from drivers.errors import AbortedError
-
-STOP_SIGNALS = tuple(
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)
-)
+from rig.interrupt import handled_signals, ignore_signals
 
 
 class Stop:
@@ -30,15 +27,18 @@ class Stop:
 
     @contextmanager
     def listening(self) -> Iterator["Stop"]:
-        """Turn the process's stop signals into requests while the block runs."""
+        """Turn the process's stop signals into requests while the block runs; after one, ignore all further."""
 
         def on_signal(number: int, _frame: FrameType | None) -> None:
             self.request(signal.Signals(number).name)
 
-        before = {number: signal.signal(number, on_signal) for number in STOP_SIGNALS}
+        before = {number: signal.signal(number, on_signal) for number in handled_signals()}
         try:
             yield self
             self.check("end")
         finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
+            if self.by is not None:
+                ignore_signals()
+            else:
+                for number, handler in before.items():
+                    signal.signal(number, handler)

@@ -1,49 +1,56 @@
 """What a person or a program sees of a command: errors as one paragraph on stderr, results as text or JSON."""
 
 import json
-import signal
 import sys
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 
-import typer
+from drivers.errors import AbortedError, ConfigError, RigError
+from rig.interrupt import Interrupted, ignore_signals
+from rig.outlets import NobodyReads
 
-from drivers.errors import AbortedError, RigError
+MAX_SHOWN = 60
+"""Letters of a value, key or line that a message repeats."""
 
 
 def tell(text: str) -> None:
     """Print a line for the person at the terminal (stderr, so that stdout holds results only)."""
-    typer.echo(text, err=True)
+    print(text, file=sys.stderr)
 
 
 def emit(record: Mapping[str, object]) -> None:
     """Print one JSON document on stdout."""
-    typer.echo(json.dumps(record, default=str, allow_nan=False))
+    print(json.dumps(record, default=str, allow_nan=False))
 
 
-@contextmanager
-def reporting(as_json: bool = False) -> Iterator[None]:
-    """Turn an error of the tree into its paragraph and its exit code."""
+def shortened(text: str) -> str:
+    """Give what a person wrote short enough to be repeated in a message."""
+    return text if len(text) <= MAX_SHOWN else f"{text[: MAX_SHOWN - 3]}..."
+
+
+def carry_out(command: Callable[[], object], *, as_json: bool) -> int:
+    """Give the exit code of a command: what it returned, 0 for nothing; an error of the tree is told first."""
+    error: RigError
     try:
-        yield
-    except RigError as error:
-        if error.exit_code == AbortedError.exit_code:
-            signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one must not cut the message short
+        code = command()
+        sys.stdout.flush()
+        return code if isinstance(code, int) else 0
+    except NobodyReads:
+        return 0
+    except RigError as caught:
+        error = caught
+    except Interrupted as interrupted:
+        ignore_signals()  # a second one must not cut the message short
+        error = AbortedError(interrupted.by)
+    with suppress(NobodyReads, ConfigError):  # that stdout is lost as well, the exit code need not tell
         _report(error, as_json)
-        raise typer.Exit(error.exit_code) from error
-    except KeyboardInterrupt as error:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one must not cut the message short
-        aborted = AbortedError("SIGINT")
-        _report(aborted, as_json)
-        raise typer.Exit(aborted.exit_code) from error
-    except BrokenPipeError:
-        sys.stderr.close()
-        raise typer.Exit(0) from None
+        sys.stdout.flush()
+    return error.exit_code
 
 
 def _report(error: RigError, as_json: bool) -> None:
     notes = getattr(error, "__notes__", [])
-    tell(" ".join([f"{_title(error)}: {error}", *notes]))
+    tell(" ".join([f"{_title(error)}{error}", *notes]))
     if as_json:
         emit(
             {
@@ -60,7 +67,9 @@ def _report(error: RigError, as_json: bool) -> None:
 
 
 def _title(error: RigError) -> str:
-    return {2: "Wrong use", 3: "Bench stopped", 4: "Aborted", 5: "Data"}.get(error.exit_code, "Error")
+    if error.exit_code == AbortedError.exit_code:
+        return ""  # the message begins with the word
+    return {2: "Wrong use: ", 3: "Bench stopped: ", 5: "Data: "}.get(error.exit_code, "Error: ")
 
 
 def _plain(value: object) -> object:

@@ -14,16 +14,31 @@ from procedures.intents import Measurement, Result
 from procedures.plan import PlannedRun, build_parameters
 from procedures.registry import PROCEDURES
 from rig.bench import Bench, FixtureLock
-from rig.config.bench import BenchFile, Lock, load_bench
+from rig.config.bench import BenchFile, Lock, load_bench, naming_the_bench
 from rig.config.dut import Dut, default_dut, load_dut
 from rig.log.load import load_run
 from rig.loop.model_file import Model, load_model
 from rig.operator import Answered, ConsentGiven, Operator, SimulatedOperator, TerminalOperator
 from rig.runner import Progress
-from rig.session import Job, JobRecord, Provenance, RunRecord, Session, Watcher, margin_table, run_jobs
+from rig.session import (
+    Job,
+    JobRecord,
+    Plans,
+    Provenance,
+    RunRecord,
+    Session,
+    Watcher,
+    margin_table,
+    plan_jobs,
+    run_jobs,
+)
 from rig.simulation import as_simulated, simulate
 from rig.stop import Stop
 from rig.terminal import emit, tell
+
+LEAST_STEP = 60.0
+STEPS = 0.1
+"""Without a terminal, progress is told at most every minute of bench time and every tenth of a run."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,12 +82,15 @@ def run_command(names: tuple[str, ...], options: RunOptions, dry_run: bool) -> N
         )
     dut, dut_text = _dut(options.dut, model)
     if dry_run:
-        _dry_run(jobs, bench_file, dut, model, options)
+        with naming_the_bench(options.bench):
+            _dry_run(jobs, bench_file, dut, model, options)
         return
-    with Stop().listening() as stop:
+    with naming_the_bench(options.bench), Stop().listening() as stop:
         bench, operator, backend, assumed = _make_bench(bench_file, dut, model, options)
+        planned = planned_time(plan_jobs(bench, dut, jobs))
         for line in assumed:
             tell(f"assumed: {line}")
+        tell(planned)
         if not bench_file.simulated:
             consent = operator.ask(f"The motor of bench '{bench_file.name}' is going to move. Is the bench clear?")
             while not consent():
@@ -142,6 +160,7 @@ def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Mode
     stand_in = as_simulated(bench_file)
     with Stop().listening() as stop, tempfile.TemporaryDirectory() as folder:
         simulated = simulate(stand_in, dut, model, seed=options.seed)
+        tell(planned_time(plan_jobs(simulated.bench, dut, jobs)))
         records: list[RunRecord] = []
         phases: dict[str, tuple[tuple[float, str], ...]] = {}
 
@@ -190,36 +209,73 @@ def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Mode
         told = ", ".join(f"{text} at {time:.1f}" for time, text in phases[record.file.stem])
         table.add_row(f"{record.procedure}-{record.name}", f"{record.outcome.duration:.1f}", told, extremes)
     Console().print(table)
-    tell(f"{len(records)} runs, {duration / 60:.1f} minutes of bench time")
+    tell(f"{len(records)} runs took {length(duration)} of bench time")
     for line in assumed:
         tell(f"assumed: {line}")
 
 
-def _watcher(as_json: bool) -> Watcher:
-    """Tell the person at the terminal which run is under way and what it gave."""
-    if as_json:
-        return Watcher()
-    console = Console(stderr=True)
-    status = console.status("") if console.is_terminal else None
+def planned_time(plans: Plans) -> str:
+    """Say how many runs there will be and how long they will take on the bench, set-up moves included."""
+    runs = sum(not run.set_up for _, plan in plans for run in plan)
+    seconds = [sum(run.duration for run in plan) for _, plan in plans]
+    parts = ", ".join(f"{job.procedure.name} {length(s)}" for (job, _), s in zip(plans, seconds, strict=True))
+    each = f" ({parts})" if len(plans) > 1 else ""
+    return f"Planned: {runs} run{'s' if runs != 1 else ''}, {length(sum(seconds))} of bench time{each}"
 
-    def on_run(procedure: str, planned: PlannedRun, number: int, of: int) -> None:
-        if status is not None:
-            status.start()
-            status.update(f"{procedure} {number}/{of}: {planned.name}")
 
-    def on_progress(progress: Progress) -> None:
-        if status is not None:
+def length(seconds: float) -> str:
+    """Give a duration in the unit that suits it."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.1f} minutes" if seconds < 6000 else f"{seconds / 3600:.1f} hours"
+
+
+class _Teller:
+    """Tells which run is under way and what it gave: in a line that changes, or line by line without a terminal."""
+
+    def __init__(self) -> None:
+        self._console = Console(stderr=True)
+        self._status = self._console.status("") if self._console.is_terminal else None
+        self._run = ""
+        self._duration = 0.0
+        self._told = 0.0
+
+    def on_run(self, procedure: str, planned: PlannedRun, number: int, of: int) -> None:
+        """Name the run."""
+        self._run, self._duration, self._told = f"{procedure} {number}/{of}: {planned.name}", planned.duration, 0.0
+        if self._status is not None:
+            self._status.start()
+            self._status.update(self._run)
+        elif not planned.set_up:
+            self._line(f"{self._run}, {length(planned.duration)}")
+
+    def on_progress(self, progress: Progress) -> None:
+        """Say how far it is."""
+        if self._status is not None:
             torque = progress.sample.motor_torque
             shown = f"motor {torque:+.4f} N*m" if torque is not None else ""
-            status.update(f"{progress.phase}, {progress.time:.1f} s  {shown}")
+            time = f"{progress.time:.0f} of about {self._duration:.0f} s"
+            self._status.update(f"{self._run}, {progress.phase}, {time}  {shown}")
+        elif progress.time >= self._told + max(LEAST_STEP, STEPS * self._duration):
+            self._told = progress.time
+            self._line(f"{self._run}, {progress.phase}, {progress.time:.0f} of about {self._duration:.0f} s")
 
-    def on_end(record: RunRecord) -> None:
-        if status is not None:
-            status.stop()
+    def on_end(self, record: RunRecord) -> None:
+        """Say how it ended and where its log is."""
+        if self._status is not None:
+            self._status.stop()
         if not record.set_up:
-            console.print(f"{record.outcome.status:8} {record.outcome.duration:7.1f} s  {record.file}", highlight=False)
+            self._line(f"{record.outcome.status:8} {record.outcome.duration:7.1f} s  {record.file}")
 
-    return Watcher(on_run, on_progress, on_end)
+    def _line(self, text: str) -> None:
+        self._console.print(text, highlight=False, markup=False, soft_wrap=True)
+
+
+def _watcher(as_json: bool) -> Watcher:
+    if as_json:
+        return Watcher()
+    teller = _Teller()
+    return Watcher(teller.on_run, teller.on_progress, teller.on_end)
 
 
 def _report(records: tuple[JobRecord, ...], options: RunOptions) -> None:

@@ -4,19 +4,22 @@ The load of each CAN bus is computed (worst-case bit stuffing, 11-bit identifier
 """
 
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from enum import StrEnum
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field
 
 from drivers.devices import DeviceConfig
-from drivers.registry import DriverEntry, Kind, all_drivers
+from drivers.errors import ConfigError, Mistake
+from drivers.registry import Kind, all_drivers
 from drivers.types import Limits
 from rig.config.dut import Positive
-from rig.config.toml_file import FileModel, parse_toml, read_text
+from rig.config.toml_file import Conflict, FileModel, PlainValue, Table, did_you_mean, parse_toml, read_text
 
 SIMULATED = "simulated"
 """Interface name of a device that the simulated bench provides."""
@@ -40,7 +43,15 @@ SIGNED_SIGNALS: Mapping[str, frozenset[str]] = {
 }
 """Which channels of a role carry a sign."""
 
+BENCH_NODE = 127
+"""Node id of the bench's own heartbeat on a CANopen bus, unless a device's option `master_id` names another."""
+
 UNBOUNDED = math.inf
+
+_DEVICE_SOURCE = re.compile(r"device '(.+)'")
+_NODE_PATH = re.compile(r"(devices\.[^.]+)\.address")
+_HEARTBEAT_PATH = re.compile(r"devices\.[^.]+\.heartbeat_time")
+"""Where drivers have another word for a key of the file."""
 
 
 class Reaction(StrEnum):
@@ -68,7 +79,7 @@ class Device(FileModel):
     bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = 1_000_000
     profile: str = "generic"
     sign: dict[str, Literal[1, -1]] = Field(default_factory=dict)
-    options: dict[str, bool | int | float | str] = Field(default_factory=dict)
+    options: dict[str, PlainValue] = Field(default_factory=dict)
 
 
 class BenchLimits(FileModel):
@@ -128,62 +139,33 @@ class BenchFile(FileModel):
     safety: Safety = Safety()
     fixture: Fixture = Fixture()
 
-    @field_validator("devices")
     @classmethod
-    def _known_devices(cls, devices: dict[str, Device]) -> dict[str, Device]:
-        mistakes = [text for role, device in devices.items() for text in _device_mistakes(role, device)]
-        if "motor" not in devices:
-            mistakes.append("motor: missing; a bench has at least the motor drive")
-        if len({device.interface == SIMULATED for device in devices.values()}) > 1:
-            mistakes.append("simulated and real devices are mixed, which this version cannot join")
-        if mistakes:
-            raise ValueError("; ".join(mistakes))
-        return devices
+    def conflicts(cls, table: Table) -> Iterator[Conflict]:
+        """Check roles, drivers, buses and what one table asks of another, on everything that can be read."""
+        devices = {role: device for role, device in (table.get("devices") or {}).items() if device is not None}
+        for role, device in devices.items():
+            yield from _device_conflicts(role, device)
+        if "motor" not in devices and table.get("devices", {}) is not None and "motor" not in table.get("devices", {}):
+            yield Conflict(("devices", "motor"), None, "missing; a bench has at least the motor drive")
+        yield from _bus_conflicts(devices, _value(cls, table, "cycle_rate"), _value(cls, table, "bus_load_limit"))
+        yield from cls._safety_conflicts(table, devices)
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        mistakes = self._bus_mistakes()
-        if self.safety.heartbeat_time < 10 / self.cycle_rate:
-            mistakes.append(
-                f"safety.heartbeat_time = {self.safety.heartbeat_time:g} s: at least 10 cycles "
-                f"({10 / self.cycle_rate:g} s at {self.cycle_rate} Hz)"
-            )
-        if "load" in self.devices and self.limits.load_torque is None:
-            mistakes.append("limits.load_torque: missing; a bench with a load drive bounds its torque")
-        if self.fixture.lock is Lock.SIMULATED and not self.simulated:
-            mistakes.append("fixture.lock = 'simulated': only where every device is simulated")
-        if mistakes:
-            raise ValueError("; ".join(mistakes))
-        return self
-
-    def _bus_mistakes(self) -> list[str]:
-        mistakes = []
-        for (interface, channel), load in self.bus_loads().items():
-            nodes = [d.node for d in self.devices.values() if (d.interface, d.channel) == (interface, channel)]
-            rates = {d.bitrate for d in self.devices.values() if (d.interface, d.channel) == (interface, channel)}
-            if len(set(nodes)) != len(nodes):
-                mistakes.append(f"devices on {interface} '{channel}': two devices share a node id ({sorted(nodes)})")
-            if len(rates) > 1:
-                mistakes.append(f"devices on {interface} '{channel}': different bit rates ({sorted(rates)})")
-            if load > self.bus_load_limit:
-                mistakes.append(
-                    f"bus {interface} '{channel}': load {load:.0%} at {self.cycle_rate} Hz is above the limit "
-                    f"{self.bus_load_limit:.0%}; lower cycle_rate, raise the bit rate, or use two buses"
-                )
-        return mistakes
+    @classmethod
+    def _safety_conflicts(cls, table: Table, devices: Mapping[str, Table]) -> Iterator[Conflict]:
+        safety, limits, fixture = (table.get(name, {}) or {} for name in ("safety", "limits", "fixture"))
+        rate, time = _value(cls, table, "cycle_rate"), _value(Safety, safety, "heartbeat_time")
+        if rate is not None and time is not None and time < 10 / rate:
+            rule = f"at least 10 cycles ({10 / rate:g} s at {rate} Hz)"
+            yield Conflict(("safety", "heartbeat_time"), time, rule)
+        if "load" in devices and "load_torque" not in limits:
+            rule = "missing; a bench with a load drive bounds its torque"
+            yield Conflict(("limits", "load_torque"), None, rule)
+        if fixture.get("lock") == Lock.SIMULATED and any(d.get("interface") != SIMULATED for d in devices.values()):
+            yield Conflict(("fixture", "lock"), str(Lock.SIMULATED), "only where every device is simulated")
 
     def bus_loads(self) -> dict[tuple[str, str], float]:
         """Give the share of its bit rate that each bus carries in the worst case, by (interface, channel)."""
-        drivers = all_drivers()
-        loads: dict[tuple[str, str], float] = {}
-        for device in self.devices.values():
-            key = (device.interface, device.channel)
-            entry = drivers.get(device.driver)
-            share = self.cycle_rate / device.bitrate
-            if key not in loads:
-                loads[key] = SYNC_BITS * share
-            loads[key] += sum(frame_bits(size) for size in _cycle_frames(entry)) * share
-        return loads
+        return _bus_loads([device.model_dump() for device in self.devices.values()], self.cycle_rate)
 
     @property
     def simulated(self) -> bool:
@@ -225,28 +207,79 @@ class BenchFile(FileModel):
         )
 
 
-def _device_mistakes(role: str, device: Device) -> list[str]:
-    drivers = all_drivers()
+def _value(model: type[FileModel], table: Table, name: str) -> Any:
+    """Give what the table says, the default where it says nothing, None where what it says is wrong."""
+    return table.get(name, model.model_fields[name].default)
+
+
+def _device_conflicts(role: str, device: Table) -> Iterator[Conflict]:
+    path = ("devices", role)
     kind = ROLES.get(role)
     if kind is None:
-        return [f"{role}: unknown role; there are {', '.join(ROLES)}"]
-    mistakes = []
-    entry = drivers.get(device.driver)
-    if entry is None:
-        mistakes.append(f"{role}.driver = '{device.driver}': unknown; there are {', '.join(drivers)}")
-    elif entry.kind is not kind:
-        mistakes.append(f"{role}.driver = '{device.driver}': is a {entry.kind}, not a {kind}")
-    allowed = SIGNED_SIGNALS[role]
-    mistakes += [
-        f"{role}.sign.{name}: no such channel; there are {', '.join(sorted(allowed))}"
-        for name in device.sign
-        if name not in allowed
-    ]
-    if device.interface == "udp_multicast":
-        mistakes.append(f"{role}.interface = 'udp_multicast': refused, it hears its own frames and loses others")
-    elif entry is not None and entry.cycle_frames and device.interface not in (SIMULATED, *_can_interfaces()):
-        mistakes.append(f"{role}.interface = '{device.interface}': no python-can interface of that name")
-    return mistakes
+        yield Conflict(path, dict(device), f"unknown role{did_you_mean(role, ROLES)}; there are {', '.join(ROLES)}")
+    name, interface = device.get("driver"), device.get("interface")
+    drivers = all_drivers()
+    entry = drivers.get(name) if name is not None else None
+    if entry is None and name is not None:
+        yield Conflict((*path, "driver"), name, f"unknown; there are {', '.join(drivers)}")
+    elif entry is not None and kind is not None and entry.kind is not kind:
+        yield Conflict((*path, "driver"), name, f"is a {entry.kind}, not a {kind}")
+    allowed = SIGNED_SIGNALS.get(role)
+    for signal, sign in (device.get("sign") or {}).items():
+        if allowed is not None and signal not in allowed:
+            rule = f"no such channel{did_you_mean(signal, allowed)}; there are {', '.join(sorted(allowed))}"
+            yield Conflict((*path, "sign", signal), sign, rule)
+    if interface == "udp_multicast":
+        yield Conflict((*path, "interface"), interface, "refused, it hears its own frames and loses others")
+    elif interface is not None and _frames(name) and interface not in (SIMULATED, *_can_interfaces()):
+        rule = f"no python-can interface of that name{did_you_mean(interface, _can_interfaces())}"
+        yield Conflict((*path, "interface"), interface, rule)
+    own = (device.get("options") or {}).get("master_id", BENCH_NODE)
+    if _frames(name) and device.get("node") is not None and device["node"] == own:
+        yield Conflict((*path, "node"), own, "is the bench's own node id (options.master_id)")
+
+
+def _bus_conflicts(devices: Mapping[str, Table], cycle_rate: int | None, limit: float | None) -> Iterator[Conflict]:
+    if len({device["interface"] == SIMULATED for device in devices.values() if device.get("interface")}) > 1:
+        shown = ", ".join(f"{role}: {device['interface']}" for role, device in devices.items() if "interface" in device)
+        yield Conflict(("devices",), shown, "simulated and real devices are mixed, which this version cannot join")
+    buses: dict[tuple[str, str], dict[str, Table]] = {}
+    for role, device in devices.items():
+        if device.get("interface") is not None and device.get("channel") is not None:
+            buses.setdefault((device["interface"], device["channel"]), {})[role] = device
+    for (interface, channel), members in buses.items():
+        place = f"{interface} '{channel}'"
+        nodes: dict[int, str] = {}
+        for role, device in members.items():
+            first = nodes.setdefault(device["node"], role) if device.get("node") is not None else role
+            if first != role:
+                rule = f"devices.{first} and devices.{role} share a node id on {place}"
+                yield Conflict(("devices", role, "node"), device["node"], rule)
+        rates = {rate for device in members.values() if (rate := _value(Device, device, "bitrate")) is not None}
+        if len(rates) > 1:
+            yield Conflict(("devices",), sorted(rates), f"different bit rates on {place}")
+    if cycle_rate is None or limit is None:
+        return
+    for (interface, channel), load in _bus_loads(list(devices.values()), cycle_rate).items():
+        if load > limit:
+            rule = (
+                f"load {load:.0%} of bus {interface} '{channel}' is above the limit {limit:.0%}; lower cycle_rate, "
+                "raise the bit rate, or use two buses"
+            )
+            yield Conflict(("cycle_rate",), cycle_rate, rule)
+
+
+def _bus_loads(devices: Sequence[Table], cycle_rate: int) -> dict[tuple[str, str], float]:
+    """Give the load of each bus by (interface, channel); a device of which too little is known adds nothing."""
+    loads: dict[tuple[str, str], float] = {}
+    for device in devices:
+        interface, channel, bitrate = device.get("interface"), device.get("channel"), _value(Device, device, "bitrate")
+        if interface is None or channel is None or bitrate is None:
+            continue
+        share = cycle_rate / bitrate
+        loads.setdefault((interface, channel), SYNC_BITS * share)
+        loads[interface, channel] += sum(frame_bits(size) for size in _frames(device.get("driver"))) * share
+    return loads
 
 
 def _can_interfaces() -> frozenset[str]:
@@ -255,7 +288,9 @@ def _can_interfaces() -> frozenset[str]:
     return frozenset(VALID_INTERFACES)
 
 
-def _cycle_frames(entry: DriverEntry | None) -> tuple[int, ...]:
+def _frames(driver: str | None) -> tuple[int, ...]:
+    """Give the data bytes of each frame that a device of this driver puts on a CAN bus in every cycle."""
+    entry = all_drivers().get(driver) if driver is not None else None
     return entry.cycle_frames if entry is not None else ()
 
 
@@ -264,10 +299,41 @@ def frame_bits(size: int) -> int:
     return 47 + 8 * size + (34 + 8 * size - 1) // 4
 
 
+def bench_source(name: str) -> str:
+    """Give how an error calls the bench that `--bench` names."""
+    return "shipped bench 'sim'" if name == "sim" else name
+
+
+@contextmanager
+def naming_the_bench(name: str) -> Iterator[None]:
+    """Let mistakes that a driver or procedure finds in the bench name the file and its keys."""
+    try:
+        yield
+    except ConfigError as error:
+        device = _DEVICE_SOURCE.fullmatch(error.source)
+        if error.source != "bench" and device is None:
+            raise
+        prefix = f"devices.{device[1]}." if device is not None else ""
+        named = ConfigError(
+            bench_source(name),
+            [Mistake(_key_in_file(prefix + m.path), m.value, m.rule) for m in error.mistakes],
+            hint=error.hint,
+        )
+        for note in getattr(error, "__notes__", []):
+            named.add_note(note)
+        raise named from error
+
+
+def _key_in_file(path: str) -> str:
+    return _HEARTBEAT_PATH.sub("safety.heartbeat_time", _NODE_PATH.sub(r"\1.node", path))
+
+
 def load_bench(name: str) -> tuple[BenchFile, str]:
     """Read a bench file, or the shipped one for "sim"; give the model and the text. Raises ConfigError."""
     if name == "sim":
         text = files("rig.config").joinpath("sim_bench.toml").read_text(encoding="utf-8")
-        return parse_toml(text, BenchFile, "shipped bench 'sim'"), text
+        return parse_toml(text, BenchFile, bench_source(name)), text
+    if not name:
+        raise ConfigError("--bench", [Mistake("--bench", name, "expected a bench file, or sim")])
     text = read_text(Path(name))
     return parse_toml(text, BenchFile, name), text

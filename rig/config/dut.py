@@ -3,13 +3,14 @@
 Values are priors and starting values, never hard limits; only what is physically impossible is an error.
 """
 
+from collections.abc import Iterator
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
-from rig.config.toml_file import FileModel, parse_toml, read_text, whole_number_is_a_number
+from rig.config.toml_file import Conflict, FileModel, Table, parse_toml, read_text, whole_number_is_a_number
 
 Positive = Annotated[float, BeforeValidator(whole_number_is_a_number), Field(gt=0, le=1e9)]
 Ratio = Annotated[float, BeforeValidator(whole_number_is_a_number), Field(ge=1, le=1e6)]
@@ -38,11 +39,12 @@ class Gear(FileModel):
     starting_torque: Positive | None = None
     backdriving_torque: Positive | None = None
 
-    @model_validator(mode="after")
-    def _torques_in_order(self) -> Self:
-        if self.T1 is not None and self.T2 is not None and self.T2 <= self.T1:
-            raise ValueError(f"T2 = {self.T2:g} N*m must be larger than T1 = {self.T1:g} N*m")
-        return self
+    @classmethod
+    def conflicts(cls, table: Table) -> Iterator[Conflict]:
+        """Check that the torques at which the stiffness changes are in order."""
+        low, high = table.get("T1"), table.get("T2")
+        if low is not None and high is not None and high <= low:
+            yield Conflict(("T2",), high, f"must be larger than T1 = {low:g} N*m")
 
 
 class Motor(FileModel):

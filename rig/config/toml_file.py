@@ -1,15 +1,32 @@
 """Read a TOML file into a frozen model and report every mistake at once, with its path."""
 
+import difflib
+import math
+import re
 import tomllib
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import Annotated, Any, NamedTuple, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    ModelWrapValidatorHandler,
+    PlainValidator,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from drivers.errors import ConfigError, Mistake
+from rig.terminal import MAX_SHOWN, shortened
 
 MAX_BYTES = 1_000_000
 """A configuration is a page of text; anything larger is another file."""
+
+_PLACE = re.compile(r"(?P<what>.*) \(at (line (?P<line>\d+), column \d+|end of document)\)", re.DOTALL)
+
+Table = Mapping[str, Any]
 
 
 def whole_number_is_a_number(value: object) -> object:
@@ -22,13 +39,67 @@ def whole_number_is_a_number(value: object) -> object:
         raise ValueError("too large for a number") from None
 
 
+def plain_value(value: object) -> object:
+    """Give a value that is true, false, a finite number or text; of its kinds, a union would name each as a mistake."""
+    if isinstance(value, bool | int | str) or (isinstance(value, float) and math.isfinite(value)):
+        return value
+    raise ValueError("expected true, false, a finite number or text")
+
+
+PlainValue = Annotated[bool | int | float | str, PlainValidator(plain_value)]
+
+
+class Conflict(NamedTuple):
+    """A rule between values that is broken: the place within the table (empty: all of it), what stands there."""
+
+    place: tuple[str, ...]
+    value: object
+    rule: str
+
+
 class FileModel(BaseModel):
     """Base of everything read from a file: frozen, no unknown keys, no numbers from text, no infinities."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
+    @classmethod
+    def conflicts(cls, table: Table) -> Iterable[Conflict]:
+        """Give the rules between values that `table` breaks: as written, with None for each value that is wrong."""
+        return ()
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _everything_at_once(cls, data: object, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        """Check the rules between values also where a value is wrong by itself, and report both."""
+        try:
+            model = handler(data)
+        except ValidationError as error:
+            wrong = error.errors(include_url=False)
+            found = [_line(item["loc"], item["input"], cls._rule(item), item["type"]) for item in wrong]
+            table = _without(data, [item["loc"] for item in wrong])
+        else:
+            found, table = [], data
+        if isinstance(table, Mapping):
+            found += [_line(*conflict) for conflict in cls.conflicts(table)]
+        if found:
+            raise ValidationError.from_exception_data(cls.__name__, found)
+        return model
+
+    @classmethod
+    def _rule(cls, item: Mapping[str, Any]) -> str:
+        if item["type"] == "extra_forbidden" and len(item["loc"]) == 1:
+            known = [field.alias or name for name, field in cls.model_fields.items()]
+            return f"unknown key{did_you_mean(str(item['loc'][0]), known)}; there are {', '.join(known)}"
+        return str(item["msg"]).removeprefix("Value error, ")
+
 
 Model = TypeVar("Model", bound=FileModel)
+
+
+def did_you_mean(name: str, known: Collection[str]) -> str:
+    """Give ` (did you mean X?)` for a name close to a known one, else nothing."""
+    close = difflib.get_close_matches(name, known, n=1)
+    return f" (did you mean {close[0]}?)" if close else ""
 
 
 def read_text(path: Path) -> str:
@@ -36,7 +107,7 @@ def read_text(path: Path) -> str:
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise ConfigError(str(path), [Mistake("file", path.name, error.strerror or str(error))]) from error
+        raise ConfigError(str(path), [Mistake("file", str(path), error.strerror or str(error))]) from error
     if len(data) > MAX_BYTES:
         raise ConfigError(str(path), [Mistake("file", f"{len(data)} bytes", f"at most {MAX_BYTES} bytes")])
     try:
@@ -50,7 +121,7 @@ def parse_toml(text: str, model: type[Model], source: str) -> Model:
     try:
         data = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # TOML errors are ValueErrors, as are numbers of 5000 digits
-        raise ConfigError(source, [Mistake("TOML", "", str(error) or "nested too deeply")]) from error
+        raise ConfigError(source, [_syntax_mistake(text, str(error))]) from error
     try:
         return model.model_validate(data)
     except ValidationError as error:
@@ -61,7 +132,7 @@ def mistakes_of(error: ValidationError) -> list[Mistake]:
     """Give everything that a model found wrong, with its path and what stood there."""
     return [
         Mistake(
-            ".".join(str(part) for part in item["loc"]) or "file",
+            ".".join(shortened(str(part)) for part in item["loc"]) or "file",
             None if item["type"] == "missing" else _shown(item.get("input")),
             item["msg"].removeprefix("Value error, "),
         )
@@ -69,9 +140,46 @@ def mistakes_of(error: ValidationError) -> list[Mistake]:
     ]
 
 
+def _line(place: Sequence[str | int], value: object, rule: str, kind: str = "rule") -> InitErrorDetails:
+    # the rule is an argument of the template, since braces in it would be taken for places to fill
+    told = PydanticCustomError(kind, "{rule}", {"rule": rule})
+    return InitErrorDetails(type=told, loc=tuple(place), input=value)
+
+
+def _without(data: object, places: Iterable[Sequence[str | int]]) -> object:
+    """Give the table with None at each of the places; what is no table is given as it is."""
+    if not isinstance(data, Mapping):
+        return data
+    inner: dict[str | int, list[Sequence[str | int]]] = {}
+    for place in places:
+        if place and place[0] in data:
+            inner.setdefault(place[0], []).append(place[1:])
+    return {
+        key: value if key not in inner else _without(value, inner[key]) if isinstance(value, Mapping) else None
+        for key, value in data.items()
+    }
+
+
+def _syntax_mistake(text: str, message: str) -> Mistake:
+    """Name the line that is no TOML, and the key or table that is there twice."""
+    match = _PLACE.fullmatch(message)
+    if match is None:
+        return Mistake("file", "no TOML", message or "nested too deeply")
+    number = int(match["line"]) if match["line"] else max(1, len(text.splitlines()))
+    line = text.split("\n")[number - 1].strip() if number <= len(text.split("\n")) else ""
+    rule = f"no TOML: {match['what']}"
+    if match["what"] == "Cannot overwrite a value":
+        rule = f"the key '{shortened(line.partition('=')[0].strip())}' is there twice"
+    elif match["what"].startswith("Cannot declare"):
+        rule = f"the table '{shortened(line.strip('[] '))}' is there twice"
+    return Mistake(f"line {number}", shortened(line), rule)
+
+
 def _shown(value: object) -> object:
     """Give a value short enough for a message; whole tables are named, not printed."""
     if isinstance(value, dict):
         return "table"
+    if isinstance(value, str):
+        return shortened(value)
     text = repr(value)
-    return value if len(text) <= 60 else text[:57] + "..."
+    return value if len(text) <= MAX_SHOWN else shortened(text)

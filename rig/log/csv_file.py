@@ -4,17 +4,17 @@ import csv
 import difflib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from datetime import date, datetime, time
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import BeforeValidator, ConfigDict, Field
+from pydantic import BeforeValidator, ConfigDict, Field, PlainValidator
 
 from drivers.errors import DataError
 from drivers.signals import BY_NAME, INTEGER_SIGNALS, TIME
-from rig.config.toml_file import FileModel, parse_toml, read_text, whole_number_is_a_number
+from rig.config.toml_file import FileModel, parse_toml, plain_value, read_text, whole_number_is_a_number
 from rig.log.names import plain_name
 from rig.log.run import Floats, ProcedureName, Run
 from rig.log.text_table import MISSING, read_text_table
@@ -26,7 +26,11 @@ _UNFIT_FOR_HEADER = re.compile(r"[\[\]\r\n]")
 _ROWS_AT_ONCE = 10_000
 
 
-Scalar = str | bool | int | float | datetime | date | time
+def _fact(value: object) -> object:
+    return value if isinstance(value, datetime | date | time) else plain_value(value)
+
+
+Fact = Annotated[str | bool | int | float | datetime | date | time, PlainValidator(_fact)]
 Angle = Annotated[float, BeforeValidator(whole_number_is_a_number)]
 
 
@@ -34,7 +38,7 @@ class RunFacts(FileModel):
     """What a sidecar or the `[run]` table of a mapping says; any further key is kept as metadata."""
 
     model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[str, Scalar] = Field(init=False)
+    __pydantic_extra__: dict[str, Fact] = Field(init=False)
 
     procedure: Annotated[ProcedureName, Field(strict=False)] | None = None
     replicate: Annotated[str, Field(min_length=1, max_length=200)] | None = None
@@ -83,6 +87,7 @@ def read_csv(path: Path) -> Run:
             expected="a column time[s]",
             hint="Rename the column, or bring a foreign log in with rig import --map.",
         )
+    refuse_overflow(path, {TIME.name: time, **signals}, table.row_of)
     warnings.extend(column_warnings(signals | auxiliary))
     sidecar = path.with_suffix(".toml")
     facts = read_facts(sidecar) if sidecar.is_file() else RunFacts()
@@ -137,6 +142,21 @@ def contract_column(path: Path, name: str, unit: str | None, column: Floats) -> 
     return to_si(column, found)
 
 
+def refuse_overflow(path: Path, columns: Mapping[str, Floats], row_of: Callable[[int], int]) -> None:
+    """Raise DataError where a finite number of the file has no finite value in SI; columns of shape (n,)."""
+    for name, column in columns.items():
+        bad = np.flatnonzero(np.isinf(column))
+        if len(bad):
+            raise DataError(
+                str(path),
+                "the value is too large in SI",
+                column=name,
+                row=row_of(int(bad[0])),
+                expected="a number below 1.8e308",
+                hint="Check unit and scale.",
+            )
+
+
 def column_warnings(columns: Mapping[str, Floats]) -> list[str]:
     """Tell of columns, shape (n,), that never change, and of samples at which a signal is missing."""
     notes = []
@@ -167,7 +187,9 @@ def near_miss_facts(facts: RunFacts) -> list[str]:
 
 
 def near_miss_signal(name: str) -> list[str]:
-    """Tell of an auxiliary column whose name looks like a misspelt contract signal."""
+    """Tell of an auxiliary column whose name looks like a misspelt contract signal, or is one without its unit."""
+    if name in BY_NAME:
+        return [f"column '{name}' is kept as auxiliary, since it states no unit; write {name}[{BY_NAME[name].unit}]"]
     close = difflib.get_close_matches(name.lower(), [TIME.name, *BY_NAME], n=1, cutoff=0.85)
     return [f"column '{name}' is kept as auxiliary; if '{close[0]}' was meant, correct the spelling"] if close else []
 

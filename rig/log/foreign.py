@@ -23,6 +23,9 @@ from rig.log.text_table import read_text_table
 MAX_BYTES = 2 * 1024**3
 MAX_COLUMNS = 1000
 
+Strict = Callable[[str], bool]
+"""Tells by a column's name whether each of its values must be a finite number."""
+
 
 @dataclass(frozen=True, slots=True)
 class ForeignTable:
@@ -32,11 +35,12 @@ class ForeignTable:
     row_of: Callable[[int], int]
 
 
-def read_foreign(path: Path, mapped: frozenset[str]) -> ForeignTable:
-    """Give the numeric columns of a file; `mapped` names those in which every cell must be a number.
+def read_foreign(path: Path, strict: Strict) -> ForeignTable:
+    """Give the numeric columns of a file; `strict` tells by its name whether each value of a column must be finite.
 
-    In other columns a cell that is no number reads as NaN. Raises DataError if the file is unreadable or of an
-    unknown kind, ConfigError if Parquet support is missing.
+    In other columns a cell that is no number reads as NaN, in a strict one only the cell `NA` of a text file does.
+    Raises DataError if the file is unreadable, of an unknown kind, or has a wrong value in a strict column,
+    ConfigError if Parquet support is missing.
     """
     reader = READERS.get(path.suffix.lower())
     if reader is None:
@@ -45,22 +49,22 @@ def read_foreign(path: Path, mapped: frozenset[str]) -> ForeignTable:
         )
     if not path.is_file():
         raise DataError(str(path), "there is no such file")
-    table = reader(path, mapped)
+    table = reader(path, strict)
     if len(table.columns) > MAX_COLUMNS:
         raise DataError(str(path), f"the file has {len(table.columns)} columns", expected=f"at most {MAX_COLUMNS}")
     return table
 
 
-def _read_text(path: Path, mapped: frozenset[str]) -> ForeignTable:
-    table = read_text_table(path, strict=mapped.__contains__)
-    twice = {name for name in mapped if table.names.count(name) > 1}
+def _read_text(path: Path, strict: Strict) -> ForeignTable:
+    table = read_text_table(path, strict)
+    twice = {name for name in table.names if strict(name) and table.names.count(name) > 1}
     if twice:
         raise DataError(str(path), "the column is there twice", column=min(twice), row=1)
     columns = {name: np.ascontiguousarray(table.values[:, index]) for index, name in enumerate(table.names)}
     return ForeignTable(MappingProxyType(columns), table.row_of)
 
 
-def _read_hdf5(path: Path, mapped: frozenset[str]) -> ForeignTable:
+def _read_hdf5(path: Path, strict: Strict) -> ForeignTable:
     columns: dict[str, Floats] = {}
     try:
         with h5py.File(path, "r") as file:
@@ -74,7 +78,7 @@ def _read_hdf5(path: Path, mapped: frozenset[str]) -> ForeignTable:
                 columns.update(_flatten(name, dataset[()]))
     except (OSError, RuntimeError, KeyError) as error:
         raise DataError(str(path), f"the file is no readable HDF5: {error}") from error
-    return _from_arrays(columns)
+    return _from_arrays(path, columns, strict)
 
 
 def _datasets(file: h5py.File) -> list[tuple[str, h5py.Dataset]]:
@@ -88,9 +92,9 @@ def _datasets(file: h5py.File) -> list[tuple[str, h5py.Dataset]]:
     return found
 
 
-def _read_mat(path: Path, mapped: frozenset[str]) -> ForeignTable:
+def _read_mat(path: Path, strict: Strict) -> ForeignTable:
     if h5py.is_hdf5(path):
-        return _read_hdf5(path, mapped)
+        return _read_hdf5(path, strict)
     try:
         variables = loadmat(path, simplify_cells=True)
     except (
@@ -110,10 +114,10 @@ def _read_mat(path: Path, mapped: frozenset[str]) -> ForeignTable:
     for name, value in variables.items():
         if not name.startswith("__"):
             columns.update(_flatten(name, value))
-    return _from_arrays(columns)
+    return _from_arrays(path, columns, strict)
 
 
-def _read_parquet(path: Path, mapped: frozenset[str]) -> ForeignTable:
+def _read_parquet(path: Path, strict: Strict) -> ForeignTable:
     try:
         import pyarrow
         from pyarrow import parquet
@@ -132,10 +136,10 @@ def _read_parquet(path: Path, mapped: frozenset[str]) -> ForeignTable:
         kind = table.schema.field(name).type
         if pyarrow.types.is_integer(kind) or pyarrow.types.is_floating(kind):
             columns[name] = table.column(name).cast(pyarrow.float64(), safe=False).to_numpy().astype(np.float64)
-    return _from_arrays(columns)
+    return _from_arrays(path, columns, strict)
 
 
-READERS: Mapping[str, Callable[[Path, frozenset[str]], ForeignTable]] = MappingProxyType(
+READERS: Mapping[str, Callable[[Path, Strict], ForeignTable]] = MappingProxyType(
     {
         ".csv": _read_text,
         ".txt": _read_text,
@@ -177,5 +181,12 @@ def _matrix(name: str, value: NDArray[np.float64]) -> Iterator[tuple[str, Floats
             yield f"{name}:{index}", np.ascontiguousarray(columns[:, index])
 
 
-def _from_arrays(columns: Mapping[str, Floats]) -> ForeignTable:
+def _from_arrays(path: Path, columns: Mapping[str, Floats], strict: Strict) -> ForeignTable:
+    for name, column in columns.items():
+        bad = np.flatnonzero(~np.isfinite(column))
+        if strict(name) and len(bad):
+            index = int(bad[0])
+            raise DataError(
+                str(path), "the value is not a finite number", column=name, row=index + 1, value=column[index]
+            )
     return ForeignTable(MappingProxyType(dict(columns)), lambda index: index + 1)

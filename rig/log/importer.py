@@ -11,18 +11,15 @@ from numpy.typing import NDArray
 from drivers.errors import DataError
 from drivers.signals import AUXILIARY_PREFIX, BY_NAME, INTEGER_SIGNALS, TIME
 from drivers.types import Sample
-from rig.log.csv_file import column_warnings, contract_column, near_miss_signal, split_header
+from rig.log.csv_file import column_warnings, contract_column, near_miss_signal, refuse_overflow, split_header
 from rig.log.foreign import ForeignTable, read_foreign
 from rig.log.mapping import MAX_BLOCKS, ImportMap, SignalMap, Split, load_map
 from rig.log.mcap_reader import IMPORT_WARNINGS
 from rig.log.names import plain_name, safe_name
 from rig.log.run import Floats, Run
-from rig.log.timeline import make_run
+from rig.log.timeline import check_stamps, make_run
 from rig.log.units import find_unit, to_si
 from rig.log.writer import LogWriter
-
-MAX_SECONDS = 1e9
-"""Longest recording: 31 years. A longer one has its time in another unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +34,10 @@ def import_files(files: Sequence[Path], mapping: Path | None, out: Path) -> list
     """Write each recording in `files` to `out` as MCAP, `<name>.mcap` or, if split, `<name>-01.mcap` and so on.
 
     `mapping`: a mapping file; None where the columns have contract names and units. All files are read before the
-    first is written. A column that is not mapped and has no contract name is kept as an auxiliary signal if all its
-    cells are numbers. Raises ConfigError for the mapping or an existing output, DataError with file, column and row.
+    first is written. Each value of a mapped column, or of an unmapped one with contract name and unit, must be a
+    finite number; in the latter a cell `NA` says that it was not measured. Any other column is kept as an auxiliary
+    signal if all its cells are numbers. Raises ConfigError for the mapping or an existing output, DataError with
+    file, column and row.
     """
     rules, text = (ImportMap(), "") if mapping is None else load_map(mapping)
     recordings = [_cut(read_recording(file, rules), rules.run.split) for file in files]
@@ -48,7 +47,7 @@ def import_files(files: Sequence[Path], mapping: Path | None, out: Path) -> list
 def read_recording(file: Path, rules: ImportMap) -> Run:
     """Give a foreign recording as one run in SI. Raises DataError with file, column and row."""
     wanted = {item.column for item in rules.signals.values()}
-    table = read_foreign(file, frozenset(wanted))
+    table = read_foreign(file, lambda header: header in wanted or _is_taken_as_it_is(header, rules))
     missing = sorted((wanted | set(rules.ignore)) - set(table.columns))
     if missing:
         raise DataError(
@@ -82,6 +81,7 @@ def read_recording(file: Path, rules: ImportMap) -> Run:
     time = signals.pop(TIME.name)
     if not signals:
         raise DataError(str(file), "no column is a signal", expected="[signals.NAME] in the mapping")
+    refuse_overflow(file, {TIME.name: time, **signals}, table.row_of)
     _refuse_other_length(file, time, signals, rules)
     for name in [name for name, column in auxiliary.items() if len(column) != len(time)]:
         warnings.append(f"column '{name}' left out: {len(auxiliary.pop(name))} values, time has {len(time)}")
@@ -96,15 +96,22 @@ def read_recording(file: Path, rules: ImportMap) -> Run:
         warnings=warnings,
         row_of=table.row_of,
     )
-    if run.time[-1] > MAX_SECONDS:
-        raise DataError(
-            str(file),
-            f"the recording would last {run.time[-1]:.3g} s",
-            column="time",
-            expected=f"at most {MAX_SECONDS:.0e} s",
-            hint="State the unit of time in the mapping.",
-        )
+    # a log keeps whole nanoseconds
+    check_stamps(len(run.time), len(np.unique(np.round(run.time * 1e9))), file)
     return run
+
+
+def _has_contract_name(header: str) -> bool:
+    """Tell whether a column is `name[unit]`, or a count without a unit, so that it needs no mapping."""
+    name, unit = split_header(header)
+    if name == TIME.name or name in BY_NAME:
+        return unit is not None or name in INTEGER_SIGNALS
+    return False
+
+
+def _is_taken_as_it_is(header: str, rules: ImportMap) -> bool:
+    """Tell whether a column becomes the signal whose name it bears: it is neither ignored nor mapped from another."""
+    return header not in rules.ignore and _has_contract_name(header) and split_header(header)[0] not in rules.signals
 
 
 def _mapped(file: Path, table: ForeignTable, name: str, item: SignalMap) -> Floats:
@@ -117,9 +124,9 @@ def _mapped(file: Path, table: ForeignTable, name: str, item: SignalMap) -> Floa
         )
     if not len(raw):
         raise DataError(str(file), "the column holds no sample", column=item.column)
-    value = (
-        raw if (item.scale, item.offset, item.sign) == (1.0, 0.0, 1) else item.sign * (item.scale * raw + item.offset)
-    )
+    with np.errstate(over="ignore"):  # what is too large then is refused by its row
+        plain = (item.scale, item.offset, item.sign) == (1.0, 0.0, 1)
+        value = raw if plain else item.sign * (item.scale * raw + item.offset)
     if name.startswith(AUXILIARY_PREFIX):
         return value
     bracket = split_header(item.column)[1]
@@ -150,7 +157,7 @@ def _take_unmapped(
 ) -> None:
     name, unit = split_header(header)
     column = table.columns[header]
-    if unit is not None and name not in signals and (name == TIME.name or name in BY_NAME):
+    if name not in signals and _has_contract_name(header):
         signals[name] = contract_column(file, name, unit, column)
         return
     wrong = int((~np.isfinite(column)).sum())

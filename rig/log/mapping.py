@@ -18,21 +18,29 @@ by = "time"                    # or a signal
 blocks = 8                     # equal parts of its range, or: period = 6.283 (SI)
 """
 
-import difflib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
 from drivers.signals import AUXILIARY_PREFIX, BY_NAME, TIME
-from rig.config.toml_file import FileModel, parse_toml, read_text, whole_number_is_a_number
+from rig.config.toml_file import (
+    Conflict,
+    FileModel,
+    Table,
+    did_you_mean,
+    parse_toml,
+    read_text,
+    whole_number_is_a_number,
+)
 from rig.log.csv_file import RunFacts
 from rig.log.names import plain_name
 from rig.log.units import find_unit, spellings
 
 MAX_BLOCKS = 1000
 
+_NAMES = (TIME.name, *BY_NAME)
 
 Number = Annotated[float, BeforeValidator(whole_number_is_a_number)]
 
@@ -46,11 +54,11 @@ class SignalMap(FileModel):
     offset: Number = 0.0
     sign: Literal[1, -1] = 1
 
-    @model_validator(mode="after")
-    def _scale_keeps_the_signal(self) -> Self:
-        if self.scale == 0:
-            raise ValueError("scale = 0 would erase the signal")
-        return self
+    @classmethod
+    def conflicts(cls, table: Table) -> Iterator[Conflict]:
+        """Check that the signal is not lost."""
+        if table.get("scale") == 0:
+            yield Conflict(("scale",), table["scale"], "would erase the signal")
 
 
 class Split(FileModel):
@@ -60,11 +68,11 @@ class Split(FileModel):
     blocks: Annotated[int, Field(ge=2, le=MAX_BLOCKS)] | None = None
     period: Annotated[Number, Field(gt=0)] | None = None
 
-    @model_validator(mode="after")
-    def _one_way_to_cut(self) -> Self:
-        if (self.blocks is None) == (self.period is None):
-            raise ValueError("give either blocks or period")
-        return self
+    @classmethod
+    def conflicts(cls, table: Table) -> Iterator[Conflict]:
+        """Check that there is one way to cut."""
+        if ("blocks" in table) == ("period" in table):
+            yield Conflict((), dict(table), "give either blocks or period")
 
 
 class RunTable(RunFacts):
@@ -80,15 +88,14 @@ class ImportMap(FileModel):
     signals: Mapping[str, SignalMap] = {}
     run: RunTable = RunTable()
 
-    @model_validator(mode="after")
-    def _names_and_units_are_known(self) -> Self:
-        mistakes = [text for name, item in self.signals.items() for text in _wrong(name, item)]
-        split = self.run.split
-        if split is not None and split.by not in (TIME.name, *BY_NAME):
-            mistakes.append(f"run.split.by = '{split.by}' is no signal{_did_you_mean(split.by)}")
-        if mistakes:
-            raise ValueError("; ".join(mistakes))
-        return self
+    @classmethod
+    def conflicts(cls, table: Table) -> Iterator[Conflict]:
+        """Check that names and units are known."""
+        for name, item in (table.get("signals") or {}).items():
+            yield from _signal_conflicts(name, item or {})
+        by = ((table.get("run") or {}).get("split") or {}).get("by")
+        if by is not None and by not in _NAMES:
+            yield Conflict(("run", "split", "by"), by, f"is no signal{did_you_mean(by, _NAMES)}")
 
     def facts(self) -> dict[str, str]:
         """Give the stated facts of the run as text."""
@@ -103,19 +110,19 @@ def load_map(path: Path) -> tuple[ImportMap, str]:
     return parse_toml(text, ImportMap, str(path)), text
 
 
-def _wrong(name: str, item: SignalMap) -> list[str]:
+def _signal_conflicts(name: str, item: Table) -> Iterator[Conflict]:
+    path = ("signals", name)
     if name.startswith(AUXILIARY_PREFIX):
         plain = name.removeprefix(AUXILIARY_PREFIX)
-        return [] if plain and plain == plain_name(plain) else [f"signals.'{name}' has letters that no log field takes"]
+        if not plain or plain != plain_name(plain):
+            yield Conflict(path, dict(item), "has letters that no log field takes")
+        return
     if name != TIME.name and name not in BY_NAME:
-        return [f"signals.{name} is no signal{_did_you_mean(name)}; call an auxiliary one aux_{plain_name(name)}"]
+        rule = f"is no signal{did_you_mean(name, _NAMES)}; call an auxiliary one aux_{plain_name(name)}"
+        yield Conflict(path, dict(item), rule)
+        return
     wanted = TIME.unit if name == TIME.name else BY_NAME[name].unit
-    unit = find_unit(item.unit if item.unit is not None else wanted)
-    if unit is None or unit.si != wanted:
-        return [f"signals.{name}.unit = '{item.unit}' should be one of {', '.join(spellings(wanted))}"]
-    return []
-
-
-def _did_you_mean(name: str) -> str:
-    close = difflib.get_close_matches(name, [TIME.name, *BY_NAME], n=1)
-    return f" (did you mean {close[0]}?)" if close else ""
+    text = item.get("unit")
+    unit = find_unit(text) if text is not None else None
+    if text is not None and (unit is None or unit.si != wanted):
+        yield Conflict((*path, "unit"), text, f"should be one of {', '.join(spellings(wanted))}")

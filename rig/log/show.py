@@ -1,5 +1,6 @@
 """What a log holds, in numbers: the content of `rig show`."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from types import MappingProxyType
@@ -82,7 +83,7 @@ def describe(run: Run) -> Summary:
         complete=run.complete,
         samples=len(run.time),
         duration=float(run.time[-1]) if len(run.time) else 0.0,
-        rate=float(1.0 / np.median(steps)) if len(steps) else None,
+        rate=_rate(steps),
         late=_late(run),
         missing=_missing_cycles(run),
         gaps=run.gaps,
@@ -103,9 +104,20 @@ def _signal(name: str, unit: str, auxiliary: bool, column: Floats) -> SignalSumm
         auxiliary,
         float(finite.min()),
         float(finite.max()),
-        float(np.sqrt(np.mean(finite**2))),
+        _rms(finite),
         len(column) - len(finite),
     )
+
+
+def _rms(values: Floats) -> float:
+    largest = float(np.abs(values).max())
+    # squared as shares of the largest, since the square of a large number may be no number any more
+    return largest * math.sqrt(np.mean((values / largest) ** 2)) if largest else 0.0
+
+
+def _rate(steps: Floats) -> float | None:
+    median = float(np.median(steps)) if len(steps) else 0.0
+    return 1.0 / median if median > 1e-300 else None
 
 
 def _late(run: Run) -> int | None:

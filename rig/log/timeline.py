@@ -14,6 +14,12 @@ from rig.log.run import Floats, ProcedureName, Run, RunEvent
 
 Indices = NDArray[np.intp]
 
+MAX_SECONDS = 1e9
+"""Longest recording: 31 years. A longer one has its time in another unit."""
+
+LEAST_SHARE = 0.01
+"""Share of the samples that must have a time stamp of their own; where fewer do, the time is not what it seems."""
+
 GAP_PERIODS = 5
 """A gap is where more than this many nominal periods are missing."""
 
@@ -36,12 +42,17 @@ def make_run(
     """Give the run for columns of shape (n,) whose `time` (s) may start anywhere and may contain equal stamps.
 
     `metadata` keys `procedure`, `replicate` and `start_angle` fill the fields of that name. `row_of` maps a sample's
-    index to the row that an error names. Raises DataError where time decreases.
+    index to the row that an error names. Raises DataError where time decreases, repeats itself nearly throughout or
+    is too long, and where a count or status word is no whole number of its range.
     """
     check_order(time, file, row_of)
+    _check_length(time, file, row_of)
+    for name, column in signals.items():
+        _check_whole(name, column, file, row_of)
     notes = list(warnings)
     signals, auxiliary = dict(signals), dict(auxiliary)
     merged_time, groups = _group_equal(time)
+    check_stamps(len(time), len(merged_time), file)
     if groups is not None:
         count = len(time) - len(merged_time)
         notes.append(f"{count} sample{'s' if count > 1 else ''} with the time stamp of the one before merged by mean")
@@ -87,7 +98,8 @@ def check_order(time: Floats, file: Path, row_of: Callable[[int], int]) -> None:
         raise DataError(
             str(file), "time is not a finite number", column="time", row=row_of(index), value=float(time[index])
         )
-    bad = np.flatnonzero(np.diff(time) < 0)
+    with np.errstate(over="ignore"):
+        bad = np.flatnonzero(np.diff(time) < 0)
     if len(bad):
         index = int(bad[0]) + 1
         raise DataError(
@@ -98,6 +110,50 @@ def check_order(time: Floats, file: Path, row_of: Callable[[int], int]) -> None:
             value=float(time[index]),
             expected="time that never decreases",
             hint="Cut the recording where the clock was reset, or sort it by time.",
+        )
+
+
+def _check_length(time: Floats, file: Path, row_of: Callable[[int], int]) -> None:
+    if not len(time) or float(time[-1]) - float(time[0]) <= MAX_SECONDS:
+        return
+    raise DataError(
+        str(file),
+        f"the recording would last {float(time[-1]) - float(time[0]):.3g} s",
+        column="time",
+        row=row_of(len(time) - 1),
+        value=float(time[-1]),
+        expected=f"at most {MAX_SECONDS:.0e} s",
+        hint="Check the unit of time.",
+    )
+
+
+def check_stamps(samples: int, stamps: int, file: Path) -> None:
+    """Raise DataError if merging samples with equal time stamps would leave next to nothing of them."""
+    if samples > 1 and (stamps == 1 or stamps < LEAST_SHARE * samples):
+        raise DataError(
+            str(file),
+            f"the {samples} samples have only {stamps} different time stamp{'s' if stamps > 1 else ''}",
+            column="time",
+            expected="a stamp for each sample",
+            hint="Check the column, unit, scale and offset of time.",
+        )
+
+
+def _check_whole(name: str, column: Floats, file: Path, row_of: Callable[[int], int]) -> None:
+    if name not in INTEGER_SIGNALS:
+        return
+    low, above = (-(2.0**63), 2.0**63) if name == "cycle" else (0.0, 2.0**32)
+    with np.errstate(invalid="ignore"):
+        bad = np.flatnonzero(~np.isnan(column) & ((column != np.floor(column)) | (column < low) | (column >= above)))
+    if len(bad):
+        index = int(bad[0])
+        raise DataError(
+            str(file),
+            f"{column[index]:.9g} is no whole number from {int(low)} to {int(above) - 1}",
+            column=name,
+            row=row_of(index),
+            value=float(column[index]),
+            hint="Correct the column, give it another name, or leave it out.",
         )
 
 

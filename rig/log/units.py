@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+import numpy as np
+
 from rig.log.run import Floats
 
 
@@ -92,7 +94,11 @@ def spellings(si: str) -> tuple[str, ...]:
 
 
 def to_si(values: Floats, unit: Unit) -> Floats:
-    """Convert `values`, shape (n,), to the unit's SI unit; values that are SI already come back to the bit."""
+    """Convert `values`, shape (n,), to the unit's SI unit; values that are SI already come back to the bit.
+
+    What no longer is a finite number then comes back as infinity.
+    """
     if unit == Unit(unit.si):
         return values
-    return values * unit.factor / unit.divisor + unit.offset
+    with np.errstate(over="ignore"):
+        return values * unit.factor / unit.divisor + unit.offset

@@ -164,6 +164,7 @@ class ObjectDictionary:
             key = (spec.index, spec.sub)
             if key in self._variables:
                 raise ModelError(f"object 0x{spec.index:04X}:{spec.sub} ('{spec.name}') is defined twice")
+            _refuse_unfit_default(spec)
             self._variables[key] = Variable(spec, spec.default)
         self._indices = {index for index, _ in self._variables} - self._hidden
 
@@ -215,6 +216,19 @@ class ObjectDictionary:
         for (index, _), variable in self._variables.items():
             if first <= index <= last:
                 variable.reset()
+
+
+def _refuse_unfit_default(spec: ObjectSpec) -> None:
+    """Raise ModelError for a default that the entry's type cannot carry; bytes have any length."""
+    if not spec.type.layout:
+        return
+    try:
+        struct.pack("<" + spec.type.layout, spec.default)
+    except (struct.error, OverflowError) as error:
+        raise ModelError(
+            f"object 0x{spec.index:04X}:{spec.sub} ('{spec.name}') = {spec.default!r} does not fit its type "
+            f"{spec.type.name} of {spec.type.size} bytes"
+        ) from error
 
 
 def check_length(kind: DataType, size: int) -> None:

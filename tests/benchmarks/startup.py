@@ -16,7 +16,7 @@ def two() -> None:
     "Two."
 app()
 """
-RIG = "from rig.cli import main; main()"
+RIG = "from rig.__main__ import main; main()"
 ROUNDS = 15
 
 

@@ -2,6 +2,8 @@
 
 import json
 import os
+import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -105,6 +107,35 @@ def test_a_dry_run_moves_nothing_and_prints_extremes_and_duration(tmp_path):
     assert not (tmp_path / "none").exists()
 
 
+def test_the_planned_time_of_all_runs_is_told_before_they_start(tmp_path):
+    answer = rig("run", "locked-output", *SHORT_SWEEP, "backdrive", *SHORT_BACKDRIVE, "-o", tmp_path)
+    lines = answer.stderr.splitlines()
+    plan = next(line for line in lines if line.startswith("Planned"))
+    further = lines[lines.index(plan) + 1 :]
+    planned = re.fullmatch(
+        r"Planned: (\d+) runs, (\d+) s of bench time \(locked-output (\d+) s, backdrive (\d+) s\)", plan
+    )
+    took = sum(float(line.split()[1]) for line in further if line.startswith("done"))
+    assert int(planned[1]) == sum(line.startswith("done") for line in further) == 2
+    # set-up moves are planned, but not told as runs
+    assert 0.8 * took < float(planned[2]) < 2 * took
+    assert float(planned[2]) == pytest.approx(float(planned[3]) + float(planned[4]), abs=1.5)
+
+
+def test_a_dry_run_tells_the_planned_time_before_it_starts(tmp_path):
+    answer = rig("run", "backdrive", *SHORT_BACKDRIVE, "--dry-run")
+    assert answer.stderr.startswith("Planned: 1 run, ")
+
+
+def test_without_a_terminal_a_long_run_tells_how_far_it_is(tmp_path):
+    settings = ["backdrive.dwell=70", "backdrive.start_angles=1", "backdrive.repeats=1", "backdrive.amplitudes=0.1"]
+    answer = rig("run", "backdrive", *(word for text in settings for word in ("--set", text)), "-o", tmp_path)
+    assert answer.exit_code == 0, answer.stderr
+    lines = [line for line in answer.stderr.splitlines() if line.startswith("backdrive ")]
+    assert len(lines) >= 2
+    assert re.search(r"dwell, 60 of about \d+ s", lines[1])
+
+
 def test_a_dry_run_refuses_what_would_break_a_limit_of_a_real_bench(tmp_path):
     text = (
         load_bench("sim")[1]
@@ -154,14 +185,44 @@ def test_a_limit_hit_in_motion_ends_with_code_3_and_a_complete_log(tmp_path):
         (["run", "free-run", "--dut", "none.toml"], ["none.toml"]),
         (["run", "free-run", "--model", "none.json"], ["none.json"]),
         (["export", ".", "--to", "xlsx"], ["xlsx", "hdf5"]),
+        (["proceduers"], ["proceduers", "did you mean 'procedures'?"]),
+        (["loop", ".", "--alpha", "nan"], ["--alpha = 'nan'", "0.5", "rig loop --help"]),
+        (["run", "free-run", "--repeat=0"], ["--repeat = '0'", "greater than or equal to 1"]),
+        (["show"], ["RUN = None: missing"]),
+        (["show", "--colour", "red"], ["No such option: --colour"]),
+        (["run", "free-run", "--set"], ["--set", "requires an argument"]),
     ],
 )
 def test_wrong_use_is_one_paragraph_and_code_2(arguments, words):
     answer = rig(*arguments)
     assert answer.exit_code == 2
     assert answer.stdout == ""
+    assert len(answer.stderr.splitlines()) == 1
     for word in words:
         assert word in answer.stderr
+
+
+@pytest.mark.parametrize("arguments", [["run", "free-run", "--repeat", "0"], ["bla"], ["show", "none.mcap"]])
+def test_an_error_is_json_too_where_json_is_asked_for(arguments):
+    answer = rig(*arguments, "--json")
+    error = json.loads(answer.stdout)["error"]
+    assert error["exit_code"] == answer.exit_code
+    assert error["message"] in answer.stderr
+
+
+def test_without_a_command_there_is_help():
+    answer = rig()
+    assert answer.exit_code == 0
+    assert "procedures" in answer.stdout
+
+
+def test_nothing_is_said_to_be_assumed_before_a_refusal(tmp_path):
+    dut = tmp_path / "dut.toml"
+    dut.write_text('name = "x"\n[gear]\nrated_torque = 16\n')
+    answer = rig("run", "starting-torque", "--dut", dut)
+    assert answer.exit_code == 2
+    assert "gear.ratio" in answer.stderr
+    assert "assumed" not in answer.stderr
 
 
 def test_every_wrong_argument_is_named_at_once():
@@ -218,29 +279,124 @@ def test_lists_are_complete_in_text_and_json():
         assert json.loads(rig(command, "--json").stdout)[key]
 
 
+PROGRAM = [sys.executable, "-m", "rig"]
+ANNOUNCED = """
+import rig.__main__ as program
+listen = program.interrupt_on_signals
+def announce():
+    listen()
+    print("listening", flush=True)
+program.interrupt_on_signals = announce
+program.main()
+"""
+"""The program, saying when it has begun to listen to signals."""
+
+
+def wait(seconds: float) -> None:
+    clock = RealClock()
+    clock.sleep_until(clock.now() + seconds)
+
+
 @pytest.mark.parametrize(
-    ("sent", "by"), [(signal.SIGINT, "SIGINT"), (signal.SIGTERM, "SIGTERM"), (signal.SIGHUP, "SIGHUP")]
+    ("sent", "then"),
+    [
+        (signal.SIGINT, signal.SIGTERM),
+        (signal.SIGTERM, signal.SIGINT),
+        (signal.SIGHUP, signal.SIGHUP),
+    ],
 )
-def test_a_signal_ends_a_run_safely_with_code_4_and_a_complete_log(tmp_path, sent, by):
-    process = subprocess.Popen(
-        [sys.executable, "-c", "from rig.cli import main; main()", "run", "free-run", "-o", str(tmp_path)],
-        stderr=subprocess.PIPE,
-        text=True,
-        env=os.environ,
-    )
+def test_a_signal_ends_a_run_safely_with_code_4_and_a_complete_log(tmp_path, sent, then):
+    process = subprocess.Popen([*PROGRAM, "run", "free-run", "-o", str(tmp_path)], stderr=subprocess.PIPE, text=True)
     clock = RealClock()
     while not list(tmp_path.glob("*.mcap")) and clock.now() < 60:
-        clock.sleep_until(clock.now() + 0.05)
-    clock.sleep_until(clock.now() + 0.5)
+        wait(0.05)
+    wait(0.5)
     process.send_signal(sent)
+    wait(0.1)  # while the bench is made safe, the log closed, the error told or the interpreter ended
+    process.send_signal(then)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 4, errors
-    assert by in errors
+    assert errors.splitlines()[-1].startswith(f"Aborted by {sent.name}")
     assert "confirmed" in errors
     (run,) = load_runs([tmp_path])
     assert run.complete
     assert run.metadata["outcome.status"] == "aborted"
     assert run.metadata["outcome.safe_state_confirmed"] == "true"
+
+
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("delay", [0.0, 0.15, 0.4])
+def test_a_signal_during_the_imports_is_an_abort_in_one_line(tmp_path, sent, delay):
+    process = subprocess.Popen(
+        [sys.executable, "-c", ANNOUNCED, "run", "free-run", "--set", "free-run.dwell=30", "-o", str(tmp_path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout.readline() == "listening\n"
+    wait(delay)
+    process.send_signal(sent)
+    process.send_signal(signal.SIGTERM)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 4, errors
+    assert errors.splitlines()[-1].startswith("Aborted by ")
+    assert "Traceback" not in errors
+
+
+def test_a_hang_up_that_was_to_be_ignored_does_not_end_a_run(tmp_path):
+    process = subprocess.Popen(
+        ["nohup", *PROGRAM, "run", "backdrive", *SHORT_BACKDRIVE, "-o", str(tmp_path)],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    clock = RealClock()
+    while not list(tmp_path.glob("*.mcap")) and clock.now() < 60:
+        wait(0.05)
+    process.send_signal(signal.SIGHUP)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 0, errors
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_run_goes_on_and_is_logged_when_nobody_reads_the_terminal(tmp_path, unbuffered):
+    process = subprocess.Popen(
+        [*PROGRAM, "run", "backdrive", *SHORT_BACKDRIVE, "--repeat", "2", "-o", str(tmp_path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env=os.environ | {"PYTHONUNBUFFERED": unbuffered},
+    )
+    process.stdout.close()
+    process.stderr.close()
+    assert process.wait(timeout=60) == 0
+    assert len(load_runs([tmp_path])) == 2
+
+
+def test_a_run_is_logged_without_any_standard_descriptor(tmp_path):
+    command = f"exec {shlex.join([*PROGRAM, 'run', 'backdrive', *SHORT_BACKDRIVE, '-o', str(tmp_path)])} <&- >&- 2>&-"
+    assert subprocess.run(["sh", "-c", command], timeout=60).returncode == 0
+    (run,) = load_runs([tmp_path])
+    assert run.complete
+
+
+@pytest.mark.parametrize("arguments", [["procedures"], ["--help"], ["effects", "--json"]])
+def test_a_reader_that_stops_early_is_no_error(arguments):
+    process = subprocess.Popen([*PROGRAM, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process.stdout.close()
+    assert process.stderr.read() == ""
+    assert process.wait(timeout=60) == 0
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+def test_a_full_disk_under_stdout_is_one_paragraph_and_code_2():
+    with Path("/dev/full").open("w") as full:
+        answer = subprocess.run([*PROGRAM, "procedures"], stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+        assert answer.returncode == 2
+        assert len(answer.stderr.splitlines()) == 1
+        assert "No space left" in answer.stderr
+        answer = subprocess.run([*PROGRAM, "show", "none.mcap"], stdout=full, stderr=full, timeout=60)
+        assert answer.returncode == 5
 
 
 def test_hostile_names_in_a_log_do_not_reach_the_terminal_as_markup(tmp_path):

@@ -2,9 +2,9 @@ import math
 
 import pytest
 
-from drivers.errors import ConfigError
+from drivers.errors import ConfigError, Mistake
 from drivers.signals import BY_NAME
-from rig.config.bench import ROLES, SIGNED_SIGNALS, BenchFile, Reaction, frame_bits, load_bench
+from rig.config.bench import ROLES, SIGNED_SIGNALS, BenchFile, Reaction, frame_bits, load_bench, naming_the_bench
 from rig.config.toml_file import parse_toml
 
 SIM = load_bench("sim")[1]
@@ -18,6 +18,10 @@ def broken(*changes: tuple[str, str]) -> ConfigError:
     with pytest.raises(ConfigError) as caught:
         parse_toml(text, BenchFile, "bench.toml")
     return caught.value
+
+
+def paths(error: ConfigError) -> list[str]:
+    return [mistake.path for mistake in error.mistakes]
 
 
 def test_shipped_bench_is_valid_and_complete():
@@ -67,7 +71,7 @@ def test_two_devices_with_one_node_id_are_refused():
 
 
 def test_a_missing_motor_is_refused():
-    assert "motor: missing" in str(broken(("[devices.motor]", "[devices.output_encoder2]")))
+    assert "devices.motor" in paths(broken(("[devices.motor]", "[devices.output_encoder2]")))
 
 
 def test_a_bus_that_cannot_carry_the_cycle_is_refused_with_its_load():
@@ -114,3 +118,82 @@ def test_a_file_that_is_no_toml_is_a_config_error(tmp_path, content):
 def test_a_missing_file_is_a_config_error(tmp_path):
     with pytest.raises(ConfigError):
         load_bench(str(tmp_path / "none.toml"))
+
+
+def test_roles_drivers_and_buses_are_checked_where_other_values_are_wrong():
+    error = broken(
+        ("[limits]", '[devices.foo]\ndriver = "zzz"\ninterface = "simulated"\nchannel = "bench"\nnode = 2\n[limits]'),
+        ("node = 1\n", "node = 300\n"),
+        ("heartbeat_time = 0.2", "heartbeat_time = 0.005"),
+        ("load_torque = ", "load_torqe = "),
+    )
+    assert {
+        "devices.motor.node",
+        "devices.foo",
+        "devices.foo.driver",
+        "devices.foo.node",
+        "safety.heartbeat_time",
+        "limits.load_torqe",
+        "limits.load_torque",
+    } == set(paths(error))
+    assert len(error.mistakes) == len(set(paths(error)))
+
+
+def test_the_load_of_a_bus_is_checked_where_a_limit_is_wrong():
+    error = broken(("motor_torque = 0.25", "motor_torque = -1"), ("cycle_rate = 1000", "cycle_rate = 2000"))
+    assert paths(error) == ["limits.motor_torque", "cycle_rate"]
+
+
+@pytest.mark.parametrize("value", ["nan", "[1]", "{ a = 1 }", "1979-05-27"])
+def test_a_wrong_option_is_one_mistake(value):
+    error = broken(("[devices.motor]", f"[devices.motor]\noptions.max_torque = {value}"))
+    assert paths(error) == ["devices.motor.options.max_torque"]
+
+
+def test_an_unknown_key_is_answered_with_the_one_that_was_meant():
+    assert "did you mean cycle_rate?" in str(broken(("cycle_rate", "cyclerate")))
+    assert "did you mean output_torque?" in str(broken(("output_torque = 30", "output_torqe = 30")))
+    assert "did you mean torque_sensor?" in str(broken(("[devices.torque_sensor]", "[devices.torque]")))
+
+
+def test_the_node_id_of_the_bench_itself_is_refused_under_the_files_key():
+    error = broken(("node = 1\n", "node = 127\n"))
+    assert paths(error) == ["devices.motor.node"]
+    assert "master_id" in str(error)
+
+
+@pytest.mark.parametrize(
+    ("text", "path", "words"),
+    [
+        ('name = "x"\nname = "y"\n', "line 2", "key 'name' is there twice"),
+        ("[limits]\n\n[limits]\n", "line 3", "table 'limits' is there twice"),
+        ('name = "x"\ncycle_rate = \n', "line 2", "Invalid value"),
+        ('name = "x', "line 1", "no TOML"),
+    ],
+)
+def test_a_text_that_is_no_toml_is_named_by_its_line(text, path, words):
+    with pytest.raises(ConfigError) as caught:
+        parse_toml(text, BenchFile, "bench.toml")
+    (mistake,) = caught.value.mistakes
+    assert mistake.path == path
+    assert mistake.value == text.splitlines()[int(path.split()[1]) - 1].strip()
+    assert words in mistake.rule
+
+
+def test_no_bench_and_a_folder_for_a_bench_are_named_as_such(tmp_path):
+    with pytest.raises(ConfigError, match="--bench"):
+        load_bench("")
+    with pytest.raises(ConfigError, match="directory") as caught:
+        load_bench(str(tmp_path))
+    assert caught.value.mistakes[0].value == str(tmp_path)
+
+
+def test_what_a_driver_finds_in_the_bench_is_told_of_the_file_and_its_keys():
+    found = ConfigError("bench", [Mistake("devices.load.address", 127, "rule"), Mistake("devices.load.sign", 2, "r")])
+    with pytest.raises(ConfigError) as caught, naming_the_bench("my.toml"):
+        raise found
+    assert caught.value.source == "my.toml"
+    assert paths(caught.value) == ["devices.load.node", "devices.load.sign"]
+    with pytest.raises(ConfigError) as caught, naming_the_bench("my.toml"):
+        raise ConfigError("device 'motor'", [Mistake("options.max_torque", 1e9, "rule")])
+    assert paths(caught.value) == ["devices.motor.options.max_torque"]

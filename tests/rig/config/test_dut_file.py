@@ -46,3 +46,10 @@ def test_the_text_as_written_comes_with_the_values(tmp_path):
     path = tmp_path / "dut.toml"
     path.write_text('name = "x"  # a remark\n')
     assert load_dut(path)[1] == 'name = "x"  # a remark\n'
+
+
+def test_every_mistake_of_a_dut_is_told_with_its_own_path():
+    with pytest.raises(ConfigError) as caught:
+        parse_toml("[gear]\nratio = 0\nT1 = 5\nT2 = 4\nK_1 = 3\n", Dut, "dut.toml")
+    assert {mistake.path for mistake in caught.value.mistakes} == {"name", "gear.ratio", "gear.T2", "gear.K_1"}
+    assert "did you mean K1?" in str(caught.value)

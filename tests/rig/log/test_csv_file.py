@@ -243,3 +243,33 @@ def test_any_bytes_give_a_run_or_a_data_error(tmp_path_factory: pytest.TempPathF
         return
     assert len(run.time) >= 1
     assert np.all(np.diff(run.time) > 0)
+
+
+@pytest.mark.parametrize("cell", ["1e30", "-1", "1.0000001", "4294967296"])
+def test_a_status_word_that_is_no_whole_number_of_its_size_is_refused_by_its_row(tmp_path: Path, cell: str) -> None:
+    with pytest.raises(DataError, match="no whole number from 0 to 4294967295") as caught:
+        read_csv(write(tmp_path, f"time[s],motor_torque[N*m],status_word\n0,1,7\n1,1,NA\n2,1,{cell}\n"))
+    assert (caught.value.column, caught.value.row) == ("status_word", 4)
+
+
+def test_a_recording_of_a_century_has_its_time_in_the_wrong_unit(tmp_path: Path) -> None:
+    for last in ("4e9", "1e300"):
+        with pytest.raises(DataError, match="unit of time") as caught:
+            read_csv(write(tmp_path, f"time[s],motor_torque[N*m]\n0,1\n1,1\n{last},1\n"))
+        assert caught.value.row == 4
+    with pytest.raises(DataError, match="unit of time"):
+        read_csv(write(tmp_path, "time[s],motor_torque[N*m]\n-1e308,1\n1e308,1\n"))
+
+
+@pytest.mark.parametrize("stamps", [["5"] * 4, ["0"] * 500 + ["1"] * 500])
+def test_a_time_that_nearly_always_stands_still_is_refused(tmp_path: Path, stamps: list[str]) -> None:
+    rows = "".join(f"{stamp},1\n" for stamp in stamps)
+    with pytest.raises(DataError, match=rf"the {len(stamps)} samples have only {len(set(stamps))} different") as caught:
+        read_csv(write(tmp_path, f"time[s],motor_torque[N*m]\n{rows}"))
+    assert caught.value.column == "time"
+
+
+def test_a_value_that_is_too_large_in_si_is_refused_by_its_row(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="too large in SI") as caught:
+        read_csv(write(tmp_path, "time[s],motor_torque[kN*m]\n0,1\n1,1e308\n"))
+    assert (caught.value.column, caught.value.row) == ("motor_torque", 3)

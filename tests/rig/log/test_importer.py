@@ -128,6 +128,43 @@ def test_what_is_wrong_in_the_data_is_named_and_nothing_is_written(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("cell", ["nan", "", "inf", "1e999", "x"])
+def test_a_column_with_a_contract_name_is_as_strict_as_a_mapped_one(tmp_path: Path, cell: str) -> None:
+    file = write(tmp_path, "x.csv", f"time[s],motor_position[rad],remark\n0,1,a\n1,{cell},b\n")
+    with pytest.raises(DataError) as caught:
+        import_files([file], None, tmp_path / "out")
+    assert (caught.value.file, caught.value.column, caught.value.row) == (str(file), "motor_position[rad]", 3)
+    assert not (tmp_path / "out").exists()
+
+
+def test_only_the_cell_that_says_so_is_a_missing_sample(tmp_path: Path) -> None:
+    file = write(tmp_path, "x.csv", "time[s],motor_position[rad]\n0,1\n1,NA\n")
+    (run,) = load_runs(import_files([file], None, tmp_path / "out"))
+    assert list(np.isnan(run.signals["motor_position"])) == [False, True]
+
+
+def test_a_contract_column_that_is_mapped_elsewhere_or_ignored_may_hold_anything(tmp_path: Path) -> None:
+    rules = 'ignore = ["motor_torque[N*m]"]\n[signals.motor_position]\ncolumn = "p"\nunit = "rad"\n'
+    table = "time[s],p,motor_position[rad],motor_torque[N*m]\n0,1,nan,nan\n1,2,nan,nan\n"
+    (run,) = bring_in(tmp_path, table, rules)
+    assert set(run.signals) == {"motor_position"}
+    assert any("'motor_position[rad]' left out: 2 of 2" in note for note in run.warnings)
+
+
+def test_a_contract_dataset_of_a_binary_file_is_strict_too(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "b.h5", "w") as file:
+        file["time[s]"], file["motor_position[rad]"] = np.arange(3.0), np.array([0.0, np.nan, 1.0])
+    with pytest.raises(DataError, match="not a finite number") as caught:
+        import_files([tmp_path / "b.h5"], None, tmp_path / "out")
+    assert (caught.value.column, caught.value.row) == ("motor_position[rad]", 2)
+
+
+def test_a_contract_column_that_is_there_twice_is_refused(tmp_path: Path) -> None:
+    file = write(tmp_path, "x.csv", "time[s],motor_position[rad],motor_position[rad]\n0,1,2\n")
+    with pytest.raises(DataError, match="twice"):
+        import_files([file], None, tmp_path / "out")
+
+
 def test_one_bad_file_of_several_keeps_all_from_being_written(tmp_path: Path) -> None:
     good, bad = write(tmp_path, "a.csv", "t,tau\n0,1\n"), write(tmp_path, "b.csv", "t,tau\n0,nan\n")
     with pytest.raises(DataError, match=r"b\.csv"):
@@ -151,6 +188,24 @@ def test_every_mistake_of_a_mapping_is_reported_at_once(tmp_path: Path) -> None:
         "run.procedure",
         "run.split",
     }
+
+
+def test_rules_between_values_are_checked_where_a_value_is_wrong(tmp_path: Path) -> None:
+    rules = (
+        '[signals.output_torque]\ncolumn = 3\nunit = "parsec"\nscale = 0\n[signals.motor_curent]\ncolumn = "b"\n'
+        '[run]\noperator = [1]\n[run.split]\nby = "tme"\n'
+    )
+    with pytest.raises(ConfigError) as caught:
+        bring_in(tmp_path, "a,b\n0,1\n", rules)
+    assert sorted(mistake.path for mistake in caught.value.mistakes) == [
+        "run.operator",
+        "run.split",
+        "run.split.by",
+        "signals.motor_curent",
+        "signals.output_torque.column",
+        "signals.output_torque.scale",
+        "signals.output_torque.unit",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -235,6 +290,31 @@ def test_names_from_files_stay_inside_the_chosen_folder(tmp_path: Path) -> None:
 def test_a_recording_of_a_century_has_its_time_in_the_wrong_unit(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="unit of time"):
         bring_in(tmp_path, "time[s],motor_torque[N*m]\n0,1\n4e9,1\n", "")
+
+
+def test_an_offset_that_swallows_the_time_is_refused(tmp_path: Path) -> None:
+    table = "t,tau\n" + "".join(f"{index},1\n" for index in range(50))
+    with pytest.raises(DataError, match="50 samples have only 1 different"):
+        bring_in(tmp_path, table, MAP.replace('unit = "ms"', 'unit = "s"\noffset = 1e18'))
+    with pytest.raises(DataError, match="50 samples have only 1 different"):
+        bring_in(tmp_path, table, MAP.replace('unit = "ms"', 'unit = "ns"\nscale = 0.001'))
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_scale_beyond_all_numbers_is_refused_by_its_row(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="too large in SI") as caught:
+        bring_in(tmp_path, "t,tau\n0,0\n1,1e10\n", MAP.replace("scale = 2.0", "scale = 1e300"))
+    assert (caught.value.column, caught.value.row) == ("output_torque", 3)
+
+
+def test_a_status_word_needs_no_unit_and_takes_whole_numbers_only(tmp_path: Path) -> None:
+    table = "time[s],motor_torque[N*m],status_word,motor_position\n0,1,39,0\n1,2,{},1\n"
+    (run,) = load_runs(import_files([write(tmp_path, "a.csv", table.format(55))], None, tmp_path / "out"))
+    assert list(run.signals["status_word"]) == [39, 55]
+    assert any("'motor_position' is kept as auxiliary, since it states no unit" in note for note in run.warnings)
+    with pytest.raises(DataError, match="no whole number") as caught:
+        import_files([write(tmp_path, "b.csv", table.format(39.0001))], None, tmp_path / "out")
+    assert (caught.value.column, caught.value.row) == ("status_word", 3)
 
 
 def test_an_existing_log_is_not_overwritten(tmp_path: Path) -> None:

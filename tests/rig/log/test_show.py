@@ -59,3 +59,15 @@ def test_a_log_without_samples_and_without_cycles_has_a_summary(tmp_path: Path) 
         None,
     )
     assert summary.signals[0].rms is None
+
+
+def test_values_whose_squares_are_no_numbers_have_an_rms(tmp_path: Path) -> None:
+    run = make_run(tmp_path / "a.csv", np.arange(2.0), {"motor_torque": np.array([1e308, -1e308])}, {}, {}, {})
+    assert describe(run).signals[0].rms == pytest.approx(1e308)
+    zero = make_run(tmp_path / "a.csv", np.arange(2.0), {"motor_torque": np.zeros(2)}, {}, {}, {})
+    assert describe(zero).signals[0].rms == 0.0
+
+
+def test_a_step_too_short_to_have_a_rate_has_none(tmp_path: Path) -> None:
+    run = make_run(tmp_path / "a.csv", np.array([0.0, 5e-324]), {"motor_torque": np.zeros(2)}, {}, {}, {})
+    assert describe(run).rate is None

@@ -2,6 +2,7 @@
 
 import pytest
 
+from sim_backend.errors import ModelError
 from sim_backend.nodes.bench import MOTOR_DRIVE, TORQUE_TRANSDUCER
 from sim_backend.nodes.communication import NodeOptions
 from sim_backend.nodes.drive402 import drive_node
@@ -190,3 +191,9 @@ def test_hidden_objects_answer_as_if_they_did_not_exist() -> None:
     wire = Wire(drive_node(MOTOR_DRIVE, FakePlant(), NodeOptions(hidden=frozenset({0x6072}))))
     assert wire.send("601 40 72 60 00 00 00 00 00") == ["581 80 72 60 00 00 00 02 06"]
     assert 0x6072 not in {spec.index for spec in wire.node.dictionary}
+
+
+@pytest.mark.parametrize(("kind", "value"), [(DataType.U32, 2**32), (DataType.U8, -1), (DataType.I16, 1.5)])
+def test_a_value_that_its_type_cannot_carry_is_refused_when_the_device_is_made(kind: DataType, value: float) -> None:
+    with pytest.raises(ModelError, match=r"0x2000:0 \('gain'\) .* does not fit its type"):
+        ObjectDictionary([ObjectSpec(0x2000, 0, "gain", kind, default=value)])

@@ -1,0 +1,54 @@
+"""The simulated bench is built from what a dut file says, or refused in the dut's own words."""
+
+import pytest
+
+from drivers.errors import ConfigError
+from rig.config.bench import load_bench
+from rig.config.dut import SHD_17_100, Dut
+from rig.config.toml_file import parse_toml
+from rig.simulation import simulate
+
+
+def refused(*lines: str) -> ConfigError:
+    text = SHD_17_100
+    for line in lines:
+        key = line.partition(" ")[0]
+        (old,) = [given for given in text.splitlines() if given.partition(" ")[0] == key]
+        text = text.replace(old, line if "=" in line else "")
+    with pytest.raises(ConfigError) as caught:
+        simulate(load_bench("sim")[0], parse_toml(text, Dut, "dut.toml"), seed=1)
+    assert caught.value.source == "dut 'SHD-17-100'"
+    return caught.value
+
+
+@pytest.mark.parametrize(
+    ("line", "paths", "limit"),
+    [
+        ("rated_torque = 1e9", "gear.rated_torque", "4.295e+06 N*m"),
+        ("rated_torque = 1e-9", "gear.rated_torque", "0.001"),
+        ("torque_constant = 1e-9", "motor.torque_constant", "4.295e+06 A"),
+        ("starting_torque = 1e9", "gear.starting_torque, gear.hysteresis_loss, gear.ratio", "below 9 N*m"),
+        ("hysteresis_loss = 1e-9", "gear.starting_torque, gear.hysteresis_loss, gear.ratio", "below 5e-05 N*m"),
+        ("K1 = 1e-3", "gear.K1, gear.K2", "below 0.01662 N*m/rad"),
+        ("K2 = 1", "gear.K1, gear.K2", "below 1.396e+05 N*m/rad"),
+    ],
+)
+def test_a_drive_that_cannot_be_is_refused_by_the_duts_keys_with_the_limit(line, paths, limit):
+    (mistake,) = refused(line).mistakes
+    assert mistake.path == paths
+    assert limit in mistake.rule
+
+
+def test_a_value_that_was_assumed_is_called_so():
+    (mistake,) = refused("K1 = 1e-3", "K2").mistakes
+    assert mistake.value == "0.001, 9400 (assumed)"
+
+
+def test_torques_out_of_order_by_assumption_are_named():
+    (mistake,) = refused("T1 = 20", "T2").mistakes
+    assert mistake.path == "gear.T1, gear.T2"
+
+
+def test_all_values_that_cannot_be_are_named_at_once():
+    paths = [mistake.path for mistake in refused("rated_torque = 1e9", "K2 = 1", "starting_torque = 10").mistakes]
+    assert paths == ["gear.rated_torque", "gear.K1, gear.K2", "gear.starting_torque, gear.hysteresis_loss, gear.ratio"]
