@@ -21,6 +21,7 @@ from procedures.plan import BenchFacts, PlannedRun, Procedure, parameter
 from procedures.recording import Recording
 from procedures.results import mean_over_runs
 from procedures.set_up import set_up_run
+from procedures.speed import MotorSpeed, resolvable
 from procedures.waveforms import TURN
 
 TOP_SPEED = 200.0
@@ -177,20 +178,33 @@ def _leg(p: FreeRun, direction: str, speed: float, facts: BenchFacts, recording:
         yield from dwell(p.settle, shape(speed), cycle_time)
     leg_time = _leg_time(p, abs(speed), facts)
     yield Mark(f"leg {direction} at {abs(speed):g} rad/s", leg_time)
-    sample = yield from observed(dwell(leg_time, shape(speed), cycle_time), recording.add)
+    leg = observed(dwell(leg_time, shape(speed), cycle_time), recording.add)
     if p.coast_down > 0.0:
-        yield Mark("coast-down", p.coast_down)
-        sample = yield from dwell(p.coast_down, RELEASED, cycle_time)
-        if sample.motor_velocity is not None and abs(sample.motor_velocity) > STILL * abs(speed):
-            raise RigTimeoutError(
-                "the motor to coast to rest",
-                p.coast_down,
-                last_seen=f"{sample.motor_velocity:.4g} rad/s",
-                hint="Both axes are released. Raise coast_down.",
-            )
-        return sample
+        return (yield from _coast_down(p, leg, speed, facts))
+    yield from leg
     yield Mark("slow down", ramp_time)
     return (yield from ramp(speed, 0.0, p.acceleration, shape, cycle_time))
+
+
+def _coast_down(p: FreeRun, leg: Motion, speed: float, facts: BenchFacts) -> Motion:
+    """Run the leg, release the motor and wait. Raises RigTimeoutError if the motor still turns then.
+
+    A drive need not report a velocity: the speed is then taken from the angle, over 10 ms that may reach back into
+    the leg.
+    """
+    from_angle = MotorSpeed(facts.cycle_time)
+    yield from observed(leg, from_angle.see)
+    yield Mark("coast-down", p.coast_down)
+    sample = yield from observed(dwell(p.coast_down, RELEASED, facts.cycle_time), from_angle.see)
+    seen = from_angle.value if sample.motor_velocity is None else sample.motor_velocity
+    if seen is not None and abs(seen) > max(STILL * abs(speed), resolvable(facts.motor_counts)):
+        raise RigTimeoutError(
+            "the motor to coast to rest",
+            p.coast_down,
+            last_seen=f"{seen:.4g} rad/s",
+            hint="Both axes are released. Raise coast_down.",
+        )
+    return sample
 
 
 PROCEDURE = Procedure(

@@ -1,6 +1,5 @@
 """A torque ramp from rest that ends as soon as the motor has broken away."""
 
-from collections import deque
 from collections.abc import Generator
 from dataclasses import dataclass
 
@@ -11,10 +10,8 @@ from procedures.errors import NoMotionError
 from procedures.intents import Intent, Mark, Measurement
 from procedures.motions import Motion, Shaper, dwell, observed
 from procedures.recording import Recording, measured
-from procedures.waveforms import TURN, cycles, line
-
-SPEED_SPAN = 0.01
-"""Time over which a speed is taken from the angle, s: one count per cycle is no speed."""
+from procedures.speed import MotorSpeed
+from procedures.waveforms import TURN, line
 
 RUN_AWAY_TIME = 0.2
 """Typical time from breakaway to the stop, s; only the expected duration depends on it."""
@@ -69,17 +66,16 @@ def ramp_to_motion(
     The samples are added to `recording`. Raises NoMotionError if `torque_max` is reached first.
     """
     start = measured(rest.motor_position, "motor_position")
-    past = deque([start], maxlen=cycles(SPEED_SPAN, cycle_time) + 1)
+    speed = MotorSpeed(cycle_time)
+    speed.see(rest)
     travel = 0.0
     sample = rest
     for torque in line(0.0, direction * ramp.torque_max, ramp.rate, cycle_time):
         sample = yield shape(torque)
         recording.add(sample)
-        position = measured(sample.motor_position, "motor_position")
-        past.append(position)
-        travel = position - start
-        speed = abs(position - past[0]) / ((len(past) - 1) * cycle_time)
-        if abs(travel) >= ramp.motion or (len(past) == past.maxlen and speed >= ramp.speed_max):
+        speed.see(sample)
+        travel = measured(sample.motor_position, "motor_position") - start
+        if abs(travel) >= ramp.motion or abs(speed.value or 0.0) >= ramp.speed_max:
             return sample
     raise NoMotionError(
         ramp.signal,

@@ -6,8 +6,9 @@ from dataclasses import replace
 import pytest
 
 from drivers.errors import ConfigError, RigTimeoutError
-from drivers.types import Mode
+from drivers.types import Mode, Sample
 from procedures.free_run import FreeRun, plan, summarise
+from procedures.intents import Command
 from procedures.waveforms import TURN
 from tests.procedures.drive import FACTS, LIMITS, Driven, PlantBench, drive, drive_all, with_facts
 
@@ -92,6 +93,29 @@ def test_a_coast_down_that_is_too_short_is_an_error_that_says_so() -> None:
     assert isinstance(driven.error, RigTimeoutError)
     assert driven.error.waited == 0.05
     assert "coast_down" in str(driven.error)
+
+
+class _SilentVelocity(PlantBench):
+    """A drive that maps no velocity into its PDOs, as the CANopen drives here."""
+
+    def cycle(self, command: Command) -> Sample:
+        return super().cycle(command)._replace(motor_velocity=None)
+
+
+@pytest.mark.parametrize("coast_down", [0.001, 0.05])
+def test_a_short_coast_down_is_noticed_without_a_measured_velocity(coast_down: float) -> None:
+    driven = drive(plan(replace(FAST, speeds=(200.0,), coast_down=coast_down), FACTS)[1], _SilentVelocity())
+    assert isinstance(driven.error, RigTimeoutError)
+    assert driven.error.waited == coast_down
+    assert "coast_down" in str(driven.error)
+
+
+@pytest.mark.parametrize("counts", [256, 16384])
+def test_a_coast_down_from_creeping_speed_is_not_mistaken_for_motion(counts: int) -> None:
+    """2 % of a creeping speed is less than one encoder count in 10 ms."""
+    facts = with_facts(ratio=2.0, motor_counts=counts)
+    run = plan(replace(FAST, speeds=(1.0,), coast_down=0.5), facts)[1]
+    assert drive(run, _SilentVelocity(facts)).error is None
 
 
 def test_every_speed_is_repeated_as_replicates() -> None:
