@@ -12,7 +12,7 @@ from enum import StrEnum
 from functools import partial
 
 from drivers.types import Mode, Setpoint
-from procedures.checks import Checks
+from procedures.checks import HEADROOM, Checks
 from procedures.guards import travel_guard
 from procedures.intents import Mark, Measurement, Result, Steps
 from procedures.loop_run import Driven, evaluate_loop, loop_recordings
@@ -31,9 +31,6 @@ from procedures.recording import measured
 from procedures.results import mean, mean_over_runs
 from procedures.set_up import check_set_up, set_up_run
 from procedures.waveforms import TURN, nested_triangles, start_angles
-
-HEADROOM = 0.95
-"""Share of a bench limit that a peak from the bench may use."""
 
 TRIANGLE_TIME = 3.0
 """Time from zero to the peak where no rates are given, s."""
@@ -117,8 +114,17 @@ def summarise(results: tuple[Result, ...]) -> Result:
 
 
 def _plan_held(p: Backdrive, facts: BenchFacts, allowed: float, check: Checks) -> Iterator[PlannedRun]:
-    peak = min(facts.rated_torque, HEADROOM * allowed) if p.peak_torque is None else p.peak_torque
-    check.at_most("peak_torque", peak, allowed, "N*m", "the bench limit load_torque or output_torque")
+    holds = facts.ratio * facts.limits.motor_torque
+    peak = min(facts.rated_torque, HEADROOM * allowed, HEADROOM * holds) if p.peak_torque is None else p.peak_torque
+    check.within("peak_torque", peak, allowed, "N*m", "the bench limit load_torque or output_torque")
+    # Friction of the gear helps the motor to hold once the teeth slide; how much is what is to be measured.
+    check.within(
+        "peak_torque",
+        peak / facts.ratio,
+        facts.limits.motor_torque,
+        "N*m to hold at the motor",
+        "the bench limit motor_torque",
+    )
     check.demand(bool(p.amplitudes), "amplitudes", "()", "at least one share of the peak is needed")
     nested = max(sorted(p.amplitudes)[:-1], default=0.0) * peak
     check.at_most("bias_torque", abs(p.bias_torque) + nested, peak, "N*m with the nested triangle", "peak_torque")

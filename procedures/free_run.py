@@ -63,7 +63,7 @@ def plan(parameters: FreeRun, facts: BenchFacts) -> tuple[PlannedRun, ...]:
     speeds = p.speeds or tuple(share * top for share in LADDER)
     check = Checks("free-run")
     for speed in speeds:
-        check.at_most("speeds", speed, limits.motor_velocity, "rad/s", "the bench limit motor_velocity")
+        check.within("speeds", speed, limits.motor_velocity, "rad/s", "the bench limit motor_velocity")
     travel = max(TURN * facts.ratio * p.turns + speed * p.settle + speed * speed / p.acceleration for speed in speeds)
     check.at_most("turns", travel, limits.motor_travel, "rad of motor travel", "the bench limit motor_travel")
     check.at_most(

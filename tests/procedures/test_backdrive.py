@@ -105,6 +105,18 @@ def test_a_motor_that_does_not_hold_ends_a_held_run() -> None:
     assert "does not hold" in str(driven.error)
 
 
+def test_the_largest_load_torque_allowed_leaves_the_motor_below_its_limit() -> None:
+    driven = drive(plan(replace(HELD, peak_torque=23.75), FACTS)[1], PlantBench())
+    assert driven.error is None
+    assert max(abs(sample.motor_torque or 0.0) for sample in driven.samples) < LIMITS.motor_torque
+
+
+def test_a_default_peak_asks_no_more_of_the_motor_than_it_may_hold() -> None:
+    runs = plan(HELD, with_facts(limits=replace(LIMITS, motor_torque=0.1)))
+    torques = [c.load.value for c in drive(runs[1], PlantBench()).commands if c.load is not None]
+    assert max(torques) == pytest.approx(9.5)
+
+
 def test_every_start_angle_is_repeated_in_both_modes() -> None:
     for mode in ("held", "free"):
         runs = [run for run in plan(Backdrive(input=mode, start_angles=3, repeats=2), FACTS) if not run.set_up]
@@ -122,6 +134,8 @@ def test_held_rates_beyond_the_first_are_run_once() -> None:
     ("parameters", "facts", "words"),
     [
         (Backdrive(peak_torque=40.0), {}, ("peak_torque", "40 N*m", "30 N*m")),
+        (Backdrive(peak_torque=30.0), {}, ("peak_torque", "30 N*m", "28.5 N*m")),
+        (Backdrive(peak_torque=28.0), {}, ("peak_torque", "0.28 N*m to hold", "motor_torque = 0.25 N*m")),
         (Backdrive(input="free", torque_max=40.0), {}, ("torque_max", "40 N*m", "30 N*m")),
         (Backdrive(), {"has_load_drive": False}, ("no load drive",)),
         (Backdrive(input="stuck"), {}, ("input", "stuck", "held or free")),

@@ -139,6 +139,7 @@ def test_a_bench_without_a_lock_needs_no_set_up() -> None:
     ("parameters", "limits", "words"),
     [
         (FreeRun(speeds=(300.0,)), LIMITS, ("speeds", "300 rad/s", "motor_velocity", "220 rad/s")),
+        (FreeRun(speeds=(220.0,)), LIMITS, ("speeds", "220 rad/s", "209 rad/s", "overshoot")),
         (FreeRun(), replace(LIMITS, output_travel=6.0), ("turns", "output_travel", "6 rad")),
         (FreeRun(), replace(LIMITS, motor_travel=1000.0), ("turns", "motor_travel", "1000 rad")),
     ],

@@ -167,6 +167,7 @@ def test_the_summary_is_the_mean_over_the_runs(default_run: Driven) -> None:
     ("parameters", "facts", "words"),
     [
         (LockedOutput(peak_torque=0.3), {}, ("peak_torque", "0.3 N*m", "motor_torque", "0.25 N*m")),
+        (LockedOutput(peak_torque=0.25), {}, ("peak_torque", "0.25 N*m", "0.2375 N*m")),
         (
             LockedOutput(peak_torque=0.2),
             {"limits": replace(LIMITS, output_torque=16.0)},
