@@ -15,7 +15,7 @@ from drivers.types import Mode, Setpoint
 from procedures.checks import HEADROOM, Checks
 from procedures.guards import travel_guard
 from procedures.intents import Mark, Measurement, Result, Steps
-from procedures.loop_run import Driven, evaluate_loop, loop_recordings
+from procedures.loop_run import Driven, Friction, check_loop, evaluate_loop, loop_recordings
 from procedures.motions import RELEASED, dwell, load_torque, observed, triangle, triangle_time
 from procedures.plan import BenchFacts, PlannedRun, Procedure, parameter
 from procedures.ramp_to_motion import (
@@ -122,15 +122,18 @@ def _plan_held(p: Backdrive, facts: BenchFacts, allowed: float, check: Checks) -
         "peak_torque",
         peak / facts.ratio,
         facts.limits.motor_torque,
-        "N*m to hold at the motor",
-        "the bench limit motor_torque",
+        "N*m",
+        "the bench limit motor_torque (a held motor carries peak_torque / ratio)",
     )
     check.demand(bool(p.amplitudes), "amplitudes", "()", "at least one share of the peak is needed")
     nested = max(sorted(p.amplitudes)[:-1], default=0.0) * peak
     check.at_most("bias_torque", abs(p.bias_torque) + nested, peak, "N*m with the nested triangle", "peak_torque")
     check.at_most("travel_max", p.travel_max, facts.limits.motor_travel, "rad", "the bench limit motor_travel")
+    rates = p.rates or (peak / TRIANGLE_TIME,)
+    friction = Friction(facts.backdriving_torque, "gear.backdriving_torque", 0.0)
+    check_loop(check, peak, p.amplitudes, rates, friction, facts)
     points = nested_triangles(peak, p.amplitudes, p.bias_torque, min(facts.backdriving_torque, peak))
-    return _held_runs(p, points, p.rates or (peak / TRIANGLE_TIME,), facts)
+    return _held_runs(p, points, rates, facts)
 
 
 def _held_runs(

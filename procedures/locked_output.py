@@ -16,7 +16,7 @@ from drivers.types import Mode, Setpoint
 from procedures.checks import HEADROOM, Checks
 from procedures.guards import travel_guard
 from procedures.intents import Mark, Result, Steps
-from procedures.loop_run import Driven, evaluate_loop, loop_recordings
+from procedures.loop_run import Driven, Friction, check_loop, evaluate_loop, loop_recordings
 from procedures.motions import RELEASED, dwell, motor_torque, observed, triangle, triangle_time
 from procedures.plan import BenchFacts, PlannedRun, Procedure, parameter
 from procedures.recording import measured
@@ -89,6 +89,7 @@ def plan(parameters: LockedOutput, facts: BenchFacts) -> tuple[PlannedRun, ...]:
     check.demand(bool(p.amplitudes), "amplitudes", "()", "at least one share of the peak is needed")
     nested = max(sorted(p.amplitudes)[:-1], default=0.0) * peak
     check.at_most("bias_torque", abs(p.bias_torque) + nested, peak, "N*m with the nested triangle", "peak_torque")
+    check_loop(check, peak, p.amplitudes, rates, Friction(friction, "gear.starting_torque", friction), facts)
     check.demand(
         p.replicate_pairs <= p.start_angles, "replicate_pairs", p.replicate_pairs, "more than there are start_angles"
     )

@@ -111,6 +111,11 @@ def test_the_largest_load_torque_allowed_leaves_the_motor_below_its_limit() -> N
     assert max(abs(sample.motor_torque or 0.0) for sample in driven.samples) < LIMITS.motor_torque
 
 
+def test_the_fastest_load_rate_that_a_plan_takes_gives_the_friction_within_2_percent() -> None:
+    driven = drive(plan(replace(HELD, rates=(32.8,)), FACTS)[1], PlantBench())
+    assert driven.named("friction_level") == pytest.approx(FRICTION, rel=0.02)
+
+
 def test_a_default_peak_asks_no_more_of_the_motor_than_it_may_hold() -> None:
     runs = plan(HELD, with_facts(limits=replace(LIMITS, motor_torque=0.1)))
     torques = [c.load.value for c in drive(runs[1], PlantBench()).commands if c.load is not None]
@@ -134,8 +139,11 @@ def test_held_rates_beyond_the_first_are_run_once() -> None:
     ("parameters", "facts", "words"),
     [
         (Backdrive(peak_torque=40.0), {}, ("peak_torque", "40 N*m", "30 N*m")),
+        (Backdrive(rates=(5.0, 1000.0)), {}, ("rates", "1000 N*m/s", "at most 32.82 N*m/s", "zero")),
+        (Backdrive(peak_torque=2.2), {}, ("peak_torque", "2.2 N*m", "2.5 N*m", "never slides", "backdriving_torque")),
+        (Backdrive(amplitudes=(0.1,)), {}, ("amplitudes", "1.6 N*m", "2.5 N*m", "never slides")),
         (Backdrive(peak_torque=30.0), {}, ("peak_torque", "30 N*m", "28.5 N*m")),
-        (Backdrive(peak_torque=28.0), {}, ("peak_torque", "0.28 N*m to hold", "motor_torque = 0.25 N*m")),
+        (Backdrive(peak_torque=28.0), {}, ("peak_torque", "0.28 N*m", "motor_torque", "peak_torque / ratio")),
         (Backdrive(input="free", torque_max=40.0), {}, ("torque_max", "40 N*m", "30 N*m")),
         (Backdrive(), {"has_load_drive": False}, ("no load drive",)),
         (Backdrive(input="stuck"), {}, ("input", "stuck", "held or free")),
