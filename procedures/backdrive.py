@@ -23,6 +23,7 @@ from procedures.ramp_to_motion import (
     RecordedRamp,
     both_directions,
     breakaway_measurements,
+    check_ramp,
     evaluate_ramp,
     expected_time,
     least_motion,
@@ -30,7 +31,7 @@ from procedures.ramp_to_motion import (
 from procedures.recording import measured
 from procedures.results import mean, mean_over_runs
 from procedures.set_up import check_set_up, set_up_run
-from procedures.waveforms import TURN, nested_triangles, start_angles
+from procedures.waveforms import nested_triangles, start_angles
 
 TRIANGLE_TIME = 3.0
 """Time from zero to the peak where no rates are given, s."""
@@ -174,6 +175,7 @@ def _plan_free(p: Backdrive, facts: BenchFacts, allowed: float, check: Checks) -
         motion=least_motion(p.motion, facts.motor_counts),
         speed_max=p.speed_max,
     )
+    check_ramp(check, ramp, expected, facts)
     check.at_most("torque_max", ramp.torque_max, allowed, "N*m", "the bench limit load_torque or output_torque")
     check.at_most("speed_max", p.speed_max, facts.limits.motor_velocity, "rad/s", "the bench limit motor_velocity")
     check.at_most("motion", 2.0 * ramp.motion, facts.limits.motor_travel, "rad", "half the bench limit motor_travel")
@@ -204,7 +206,7 @@ def _evaluate_free(ramps: tuple[RecordedRamp, ...], facts: BenchFacts) -> Result
     found: list[Measurement] = []
     for done in ramps:
         # Pushed at the output, an opposed drive turns its wave generator backward.
-        breakaway = evaluate_ramp(done, TURN / facts.motor_counts, -1.0 if facts.opposed else 1.0)
+        breakaway = evaluate_ramp(done, facts, -1.0 if facts.opposed else 1.0)
         found += breakaway_measurements(breakaway, done.name, "load torque")
     return Result(tuple(found))
 

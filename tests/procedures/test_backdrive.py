@@ -144,6 +144,7 @@ def test_held_rates_beyond_the_first_are_run_once() -> None:
         (Backdrive(amplitudes=(0.1,)), {}, ("amplitudes", "1.6 N*m", "2.5 N*m", "never slides")),
         (Backdrive(peak_torque=30.0), {}, ("peak_torque", "30 N*m", "28.5 N*m")),
         (Backdrive(peak_torque=28.0), {}, ("peak_torque", "0.28 N*m", "motor_torque", "peak_torque / ratio")),
+        (Backdrive(input="free", torque_rate=100.0), {}, ("torque_rate", "100 N*m/s", "too fast, at most 19.69 N*m/s")),
         (Backdrive(input="free", torque_max=40.0), {}, ("torque_max", "40 N*m", "30 N*m")),
         (Backdrive(), {"has_load_drive": False}, ("no load drive",)),
         (Backdrive(input="stuck"), {}, ("input", "stuck", "held or free")),
