@@ -143,7 +143,15 @@ def with_facts(**changes: object) -> BenchFacts:
 
 def zhang_plant(seed: int = 0, **changes: float) -> PlantConfig:
     gear = HarmonicDrive.from_catalogue(
-        100.0, 8.4e3, 9.4e3, 3.9, 12.0, 1.8e-4, 0.012, viscous_friction=changes.pop("viscous_friction", 1e-4)
+        100.0,
+        8.4e3,
+        9.4e3,
+        3.9,
+        12.0,
+        1.8e-4,
+        0.012,
+        load_friction=changes.pop("load_friction", 0.0),
+        viscous_friction=changes.pop("viscous_friction", 1e-4),
     )
     return PlantConfig(drive=gear, **changes)
 
