@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: help install test lint demo bench foreign clean
+.PHONY: help install test lint demo bench foreign fuzz clean
 
 help:            ## list the targets
 	@grep -E '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/'
@@ -39,6 +39,10 @@ foreign: $(STAMP) ## other people's CANopen stacks against ours (installs durand
 		echo "no npm on this machine: the tests against the npm package canopen are skipped"; \
 	fi
 	$(BIN)/python -m pytest tests/foreign
+
+SECONDS := 120
+fuzz: $(STAMP)   ## property tests with new random examples for 2 minutes (SECONDS=...)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.fuzz $(SECONDS)
 
 clean:           ## remove the virtual environment and caches
 	rm -rf tests/foreign/node_modules $(VENV) .pytest_cache .mypy_cache .ruff_cache build *.egg-info
