@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: help install test lint demo bench clean
+.PHONY: help install test lint demo bench foreign fuzz clean
 
 help:            ## list the targets
 	@grep -E '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/'
@@ -31,5 +31,18 @@ demo: $(STAMP)   ## the whole story on the simulated bench, with an effect nobod
 bench: $(STAMP)  ## benchmarks, as ratios
 	$(BIN)/python -m tests.benchmarks
 
+foreign: $(STAMP) ## other people's CANopen stacks against ours (installs durand here, npm canopen if there is Node.js)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation -e '.[foreign]'
+	@if command -v npm >/dev/null 2>&1; then \
+		cd tests/foreign && npm install --ignore-scripts --no-package-lock --no-fund --no-audit --loglevel=error; \
+	else \
+		echo "no npm on this machine: the tests against the npm package canopen are skipped"; \
+	fi
+	$(BIN)/python -m pytest tests/foreign
+
+SECONDS := 120
+fuzz: $(STAMP)   ## property tests with new random examples for 2 minutes (SECONDS=...)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.fuzz $(SECONDS)
+
 clean:           ## remove the virtual environment and caches
-	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache build *.egg-info
+	rm -rf tests/foreign/node_modules $(VENV) .pytest_cache .mypy_cache .ruff_cache build *.egg-info

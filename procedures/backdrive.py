@@ -12,10 +12,10 @@ from enum import StrEnum
 from functools import partial
 
 from drivers.types import Mode, Setpoint
-from procedures.checks import Checks
+from procedures.checks import HEADROOM, Checks
 from procedures.guards import travel_guard
 from procedures.intents import Mark, Measurement, Result, Steps
-from procedures.loop_run import Driven, evaluate_loop, loop_recordings
+from procedures.loop_run import Driven, Friction, check_loop, evaluate_loop, loop_recordings
 from procedures.motions import RELEASED, dwell, load_torque, observed, triangle, triangle_time
 from procedures.plan import BenchFacts, PlannedRun, Procedure, parameter
 from procedures.ramp_to_motion import (
@@ -23,6 +23,7 @@ from procedures.ramp_to_motion import (
     RecordedRamp,
     both_directions,
     breakaway_measurements,
+    check_ramp,
     evaluate_ramp,
     expected_time,
     least_motion,
@@ -30,10 +31,7 @@ from procedures.ramp_to_motion import (
 from procedures.recording import measured
 from procedures.results import mean, mean_over_runs
 from procedures.set_up import check_set_up, set_up_run
-from procedures.waveforms import TURN, nested_triangles, start_angles
-
-HEADROOM = 0.95
-"""Share of a bench limit that a peak from the bench may use."""
+from procedures.waveforms import nested_triangles, start_angles
 
 TRIANGLE_TIME = 3.0
 """Time from zero to the peak where no rates are given, s."""
@@ -117,14 +115,26 @@ def summarise(results: tuple[Result, ...]) -> Result:
 
 
 def _plan_held(p: Backdrive, facts: BenchFacts, allowed: float, check: Checks) -> Iterator[PlannedRun]:
-    peak = min(facts.rated_torque, HEADROOM * allowed) if p.peak_torque is None else p.peak_torque
-    check.at_most("peak_torque", peak, allowed, "N*m", "the bench limit load_torque or output_torque")
+    holds = facts.ratio * facts.limits.motor_torque
+    peak = min(facts.rated_torque, HEADROOM * allowed, HEADROOM * holds) if p.peak_torque is None else p.peak_torque
+    check.within("peak_torque", peak, allowed, "N*m", "the bench limit load_torque or output_torque")
+    # Friction of the gear helps the motor to hold once the teeth slide; how much is what is to be measured.
+    check.within(
+        "peak_torque",
+        peak / facts.ratio,
+        facts.limits.motor_torque,
+        "N*m",
+        "the bench limit motor_torque (a held motor carries peak_torque / ratio)",
+    )
     check.demand(bool(p.amplitudes), "amplitudes", "()", "at least one share of the peak is needed")
     nested = max(sorted(p.amplitudes)[:-1], default=0.0) * peak
     check.at_most("bias_torque", abs(p.bias_torque) + nested, peak, "N*m with the nested triangle", "peak_torque")
     check.at_most("travel_max", p.travel_max, facts.limits.motor_travel, "rad", "the bench limit motor_travel")
+    rates = p.rates or (peak / TRIANGLE_TIME,)
+    friction = Friction(facts.backdriving_torque, "gear.backdriving_torque", 0.0)
+    check_loop(check, peak, p.amplitudes, rates, friction, facts)
     points = nested_triangles(peak, p.amplitudes, p.bias_torque, min(facts.backdriving_torque, peak))
-    return _held_runs(p, points, p.rates or (peak / TRIANGLE_TIME,), facts)
+    return _held_runs(p, points, rates, facts)
 
 
 def _held_runs(
@@ -165,6 +175,7 @@ def _plan_free(p: Backdrive, facts: BenchFacts, allowed: float, check: Checks) -
         motion=least_motion(p.motion, facts.motor_counts),
         speed_max=p.speed_max,
     )
+    check_ramp(check, ramp, expected, facts)
     check.at_most("torque_max", ramp.torque_max, allowed, "N*m", "the bench limit load_torque or output_torque")
     check.at_most("speed_max", p.speed_max, facts.limits.motor_velocity, "rad/s", "the bench limit motor_velocity")
     check.at_most("motion", 2.0 * ramp.motion, facts.limits.motor_travel, "rad", "half the bench limit motor_travel")
@@ -195,7 +206,7 @@ def _evaluate_free(ramps: tuple[RecordedRamp, ...], facts: BenchFacts) -> Result
     found: list[Measurement] = []
     for done in ramps:
         # Pushed at the output, an opposed drive turns its wave generator backward.
-        breakaway = evaluate_ramp(done, TURN / facts.motor_counts, -1.0 if facts.opposed else 1.0)
+        breakaway = evaluate_ramp(done, facts, -1.0 if facts.opposed else 1.0)
         found += breakaway_measurements(breakaway, done.name, "load torque")
     return Result(tuple(found))
 

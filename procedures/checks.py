@@ -4,6 +4,9 @@ import math
 
 from drivers.errors import ConfigError, Mistake
 
+HEADROOM = 0.95
+"""Share of a bench limit that a setpoint may use: noise, overshoot and ripple of what is measured need the rest."""
+
 
 class Checks:
     """Collects the mistakes of one procedure's parameters; `raise_if_any` reports them together."""
@@ -16,6 +19,16 @@ class Checks:
         """Demand value <= limit; `what` names the limit."""
         if not value <= limit * (1.0 + 1e-9):
             self.refuse(parameter, f"{value:.6g} {unit}", f"exceeds {what} = {limit:.6g} {unit}")
+
+    def within(self, parameter: str, value: float, limit: float, unit: str, what: str) -> None:
+        """Demand value <= 95 % of a limit that is watched on the measured signal; `what` names the limit."""
+        if not value <= HEADROOM * limit * (1.0 + 1e-9):
+            self.refuse(
+                parameter,
+                f"{value:.6g} {unit}",
+                f"must be at most {HEADROOM * limit:.6g} {unit}, {HEADROOM:.0%} of {what} = {limit:.6g} {unit}; "
+                "noise and overshoot need the rest",
+            )
 
     def positive(self, parameter: str, value: float, unit: str) -> None:
         """Demand a finite value above zero."""

@@ -13,10 +13,10 @@ from enum import StrEnum
 from functools import partial
 
 from drivers.types import Mode, Setpoint
-from procedures.checks import Checks
+from procedures.checks import HEADROOM, Checks
 from procedures.guards import travel_guard
 from procedures.intents import Mark, Result, Steps
-from procedures.loop_run import Driven, evaluate_loop, loop_recordings
+from procedures.loop_run import Driven, Friction, check_loop, evaluate_loop, loop_recordings
 from procedures.motions import RELEASED, dwell, motor_torque, observed, triangle, triangle_time
 from procedures.plan import BenchFacts, PlannedRun, Procedure, parameter
 from procedures.recording import measured
@@ -26,9 +26,6 @@ from procedures.waveforms import nested_triangles, start_angles
 
 RATE_TIMES = (3.0, 9.0)
 """Times from zero to the peak where no rates are given, s: the second tells delay and creep from hysteresis."""
-
-HEADROOM = 0.95
-"""Share of a bench limit that a peak from the bench may use."""
 
 
 class Lock(StrEnum):
@@ -81,8 +78,8 @@ def plan(parameters: LockedOutput, facts: BenchFacts) -> tuple[PlannedRun, ...]:
     peak = min(facts.rated_torque / ratio + friction, allowed) if p.peak_torque is None else p.peak_torque
     rates = p.rates or tuple(peak / time for time in RATE_TIMES)
     check = Checks("locked-output")
-    check.at_most("peak_torque", peak, limits.motor_torque, "N*m", "the bench limit motor_torque")
-    check.at_most(
+    check.within("peak_torque", peak, limits.motor_torque, "N*m", "the bench limit motor_torque")
+    check.within(
         "peak_torque",
         ratio * (peak - friction),
         held,
@@ -92,6 +89,7 @@ def plan(parameters: LockedOutput, facts: BenchFacts) -> tuple[PlannedRun, ...]:
     check.demand(bool(p.amplitudes), "amplitudes", "()", "at least one share of the peak is needed")
     nested = max(sorted(p.amplitudes)[:-1], default=0.0) * peak
     check.at_most("bias_torque", abs(p.bias_torque) + nested, peak, "N*m with the nested triangle", "peak_torque")
+    check_loop(check, peak, p.amplitudes, rates, Friction(friction, "gear.starting_torque", friction), facts)
     check.demand(
         p.replicate_pairs <= p.start_angles, "replicate_pairs", p.replicate_pairs, "more than there are start_angles"
     )

@@ -27,9 +27,9 @@ def motor_torque(load: Setpoint | None = None) -> Shaper:
     return lambda value: Command(Setpoint(Mode.TORQUE, value), load)
 
 
-def motor_velocity() -> Shaper:
-    """Command the motor's speed, rad/s, with the load axis released."""
-    return lambda value: Command(Setpoint(Mode.VELOCITY, value))
+def motor_velocity(load: Setpoint | None = None) -> Shaper:
+    """Command the motor's speed, rad/s, with the load axis as given."""
+    return lambda value: Command(Setpoint(Mode.VELOCITY, value), load)
 
 
 def motor_position() -> Shaper:

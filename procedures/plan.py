@@ -15,17 +15,19 @@ from procedures.intents import Result, Steps
 class BenchFacts:
     """What a procedure may know of the bench before it starts. SI; counts per revolution.
 
-    `ratio` of the gear; `rated_torque` N*m at the output; `starting_torque` N*m at the motor (catalogue, or a
-    working guess that the application made and reported); `limits` of the bench; `cycle_time` s. `opposed`: the
-    output turns against the wave generator, torsion = output_position + motor_position / ratio.
+    `ratio` of the gear; `rated_torque` and `backdriving_torque` N*m at the output; `starting_torque` N*m,
+    `wave_generator_stiffness` N*m/rad and `motor_inertia` kg*m^2 at the motor; `limits` of the bench; `cycle_time` s.
+    `opposed`: the output turns against the wave generator, torsion = output_position + motor_position / ratio.
+    `assumed`: one line for each of these that the dut file does not name and the application guessed.
     """
 
     ratio: float
     rated_torque: float
     starting_torque: float
     backdriving_torque: float
+    wave_generator_stiffness: float
+    motor_inertia: float
     motor_counts: int
-    output_counts: int
     cycle_time: float
     limits: Limits
     has_load_drive: bool
@@ -33,6 +35,12 @@ class BenchFacts:
     has_output_encoder: bool
     has_torque_sensor: bool
     opposed: bool = True
+    assumed: tuple[str, ...] = ()
+
+    @property
+    def rotor_swing(self) -> float:
+        """Angular frequency of the rotor on the wave generator's spring while the teeth stick, rad/s."""
+        return math.sqrt(self.wave_generator_stiffness / self.motor_inertia)
 
 
 @dataclass(frozen=True, slots=True)

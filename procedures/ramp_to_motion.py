@@ -1,20 +1,20 @@
 """A torque ramp from rest that ends as soon as the motor has broken away."""
 
-from collections import deque
+import math
 from collections.abc import Generator
 from dataclasses import dataclass
 
 from drivers.errors import ConfigError, Mistake
 from drivers.types import Sample
-from procedures.breakaway import Breakaway, find_breakaway
+from procedures.breakaway import FEWEST_CROSSINGS, Breakaway, find_breakaway
+from procedures.checks import Checks
 from procedures.errors import NoMotionError
 from procedures.intents import Intent, Mark, Measurement
 from procedures.motions import Motion, Shaper, dwell, observed
+from procedures.plan import BenchFacts
 from procedures.recording import Recording, measured
-from procedures.waveforms import TURN, cycles, line
-
-SPEED_SPAN = 0.01
-"""Time over which a speed is taken from the angle, s: one count per cycle is no speed."""
+from procedures.speed import MotorSpeed
+from procedures.waveforms import TURN, line
 
 RUN_AWAY_TIME = 0.2
 """Typical time from breakaway to the stop, s; only the expected duration depends on it."""
@@ -25,6 +25,16 @@ DEFAULT_MOTION = 0.1
 
 COUNTS_OF_MOTION = 16.0
 """The same in encoder counts, for coarse encoders: enough to see the path bend."""
+
+FEWEST_COUNTS = FEWEST_CROSSINGS + 2
+"""Motion in encoder counts below which no breakaway is found: the ends of the path may lie inside a count."""
+
+WOUND_UP = 25.0
+"""Least time of winding up in radians of the rotor's swinging. The estimate holds down to 12 (see `breakaway`); the
+drive may break away at half of what the catalogue says."""
+
+FEWEST_CYCLES = 50
+"""Least time of winding up in control cycles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +71,28 @@ class RecordedRamp:
         return "forward" if self.direction > 0.0 else "backward"
 
 
+def check_ramp(check: Checks, ramp: BreakawayRamp, expected: float, facts: BenchFacts) -> None:
+    """Refuse a ramp whose breakaway (`expected`, N*m) could not be found: too fast a rate, too few encoder counts."""
+    least_time = max(FEWEST_CYCLES * facts.cycle_time, WOUND_UP / facts.rotor_swing)
+    if ramp.rate * least_time > expected * (1.0 + 1e-9):
+        check.refuse(
+            "torque_rate",
+            f"{ramp.rate:.6g} N*m/s",
+            f"is too fast, at most {expected / least_time:.4g} N*m/s: the torque would reach the expected "
+            f"{expected:.4g} N*m in {expected / ramp.rate:.3g} s, before the rotor can follow; winding up must last "
+            f"{FEWEST_CYCLES} cycles and {WOUND_UP:g} rad of the rotor's swinging at "
+            f"{facts.rotor_swing / math.tau:.3g} Hz, so {least_time:.3g} s",
+        )
+    least = FEWEST_COUNTS * TURN / facts.motor_counts
+    if ramp.motion < least:
+        check.refuse(
+            "motion",
+            f"{ramp.motion:.6g} rad",
+            f"must be at least {least:.4g} rad, {FEWEST_COUNTS} counts of the motor encoder: fewer do not show where "
+            "the path bends",
+        )
+
+
 def ramp_to_motion(
     ramp: BreakawayRamp, direction: float, shape: Shaper, rest: Sample, cycle_time: float, recording: Recording
 ) -> Motion:
@@ -69,17 +101,16 @@ def ramp_to_motion(
     The samples are added to `recording`. Raises NoMotionError if `torque_max` is reached first.
     """
     start = measured(rest.motor_position, "motor_position")
-    past = deque([start], maxlen=cycles(SPEED_SPAN, cycle_time) + 1)
+    speed = MotorSpeed(cycle_time)
+    speed.see(rest)
     travel = 0.0
     sample = rest
     for torque in line(0.0, direction * ramp.torque_max, ramp.rate, cycle_time):
         sample = yield shape(torque)
         recording.add(sample)
-        position = measured(sample.motor_position, "motor_position")
-        past.append(position)
-        travel = position - start
-        speed = abs(position - past[0]) / ((len(past) - 1) * cycle_time)
-        if abs(travel) >= ramp.motion or (len(past) == past.maxlen and speed >= ramp.speed_max):
+        speed.see(sample)
+        travel = measured(sample.motor_position, "motor_position") - start
+        if abs(travel) >= ramp.motion or abs(speed.value or 0.0) >= ramp.speed_max:
             return sample
     raise NoMotionError(
         ramp.signal,
@@ -141,8 +172,8 @@ def breakaway_measurements(found: Breakaway, direction: str, what: str) -> tuple
     )
 
 
-def evaluate_ramp(ramp: RecordedRamp, resolution: float, motor_sense: float) -> Breakaway:
-    """Evaluate one ramp; `resolution` rad per count.
+def evaluate_ramp(ramp: RecordedRamp, facts: BenchFacts, motor_sense: float) -> Breakaway:
+    """Evaluate one ramp.
 
     `motor_sense` is +1 if a positive torque must turn the motor forward, -1 if backward. Raises ConfigError if the
     motor went the other way: then a channel's sign is wrong, and no result of this bench would be right.
@@ -162,4 +193,4 @@ def evaluate_ramp(ramp: RecordedRamp, resolution: float, motor_sense: float) -> 
             ],
             hint="Turn the sign of the torque or of the position channel in the bench file.",
         )
-    return find_breakaway(time, torque, position, rest[rest.size // 2 :], resolution)
+    return find_breakaway(time, torque, position, rest[rest.size // 2 :], TURN / facts.motor_counts, facts.rotor_swing)

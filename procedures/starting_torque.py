@@ -18,13 +18,14 @@ from procedures.ramp_to_motion import (
     RecordedRamp,
     both_directions,
     breakaway_measurements,
+    check_ramp,
     evaluate_ramp,
     expected_time,
     least_motion,
 )
 from procedures.results import mean, mean_over_runs
 from procedures.set_up import check_set_up, set_up_run
-from procedures.waveforms import TURN, start_angles
+from procedures.waveforms import start_angles
 
 RAMP_TIME = 6.0
 """Time from zero to the expected starting torque where no rate is given, s: slow against the rotor's swinging."""
@@ -67,6 +68,7 @@ def plan(parameters: StartingTorque, facts: BenchFacts) -> tuple[PlannedRun, ...
         speed_max=p.speed_max,
     )
     check = Checks("starting-torque")
+    check_ramp(check, ramp, facts.starting_torque, facts)
     check.at_most("torque_max", ramp.torque_max, facts.limits.motor_torque, "N*m", "the bench limit motor_torque")
     check.at_most("speed_max", p.speed_max, facts.limits.motor_velocity, "rad/s", "the bench limit motor_velocity")
     check.at_most("motion", 2.0 * ramp.motion, facts.limits.motor_travel, "rad", "half the bench limit motor_travel")
@@ -107,7 +109,7 @@ def _steps(p: StartingTorque, ramp: BreakawayRamp, facts: BenchFacts) -> Steps:
 def _evaluate(ramps: tuple[RecordedRamp, ...], facts: BenchFacts) -> Result:
     found: list[Measurement] = []
     for done in ramps:
-        breakaway = evaluate_ramp(done, TURN / facts.motor_counts, 1.0)
+        breakaway = evaluate_ramp(done, facts, 1.0)
         found += breakaway_measurements(breakaway, done.name, "motor torque")
     return Result(tuple(found))
 

@@ -24,13 +24,25 @@ from rig.operator import Operator
 from rig.provenance import git_state, operator_name, software_version
 from rig.runner import Progress, RunOutcome, Status, execute
 from rig.stop import Stop
+from rig.terminal import tell
 
 SET_UP_FOLDER = "set-up"
 """Logs of moves between runs go here, so that a folder of logs holds measuring runs only."""
 
+STARTING_SHARE = 0.1
+"""Starting torque in shares of rated torque / ratio, where the dut file names none (0.075 on the shipped drive)."""
+
+BACKDRIVING_SHARE = 1.7
+"""Backdriving torque in starting torques times the ratio, where the dut file names none; as on the shipped drive."""
+
 MOTOR_COUNTS = 16384
-OUTPUT_COUNTS = 524288
-"""Encoder counts per revolution assumed where the dut file names none."""
+"""Motor encoder counts per revolution where the dut file names none; the drives do not tell."""
+
+HYSTERESIS_LOSS = 1.8e-4
+"""rad at the output where the dut file names none; catalogues state 0.6 to 2 arc minutes."""
+
+MOTOR_INERTIA, INERTIA_TORQUE = 2.2e-5, 0.16
+"""Rotor, kg*m^2, of a motor for so much rated torque (N*m); others scale with torque^(5/3), as bodies of one shape."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,15 +90,19 @@ class Provenance:
 
 @dataclass(frozen=True, slots=True)
 class Watcher:
-    """Who is told what happens: each run before it starts, its progress, and its end."""
+    """Who is told what happens: each run before it starts, its progress, its end, and first what had to be assumed."""
 
     on_run: Callable[[str, PlannedRun, int, int], None] = lambda *_: None
     on_progress: Callable[[Progress], None] = lambda _: None
     on_end: Callable[[RunRecord], None] = lambda _: None
+    on_assumed: Callable[[str], None] = lambda line: tell(f"assumed: {line}")
 
 
 def bench_facts(bench: Bench, dut: Dut) -> BenchFacts:
-    """Give what procedures may know of bench and device. Raises ConfigError if the dut lacks what they all need."""
+    """Give what procedures may know of bench and device; what the dut lacks is guessed and named in `assumed`.
+
+    Raises ConfigError if the dut lacks what they all scale by: ratio and rated torque.
+    """
     gear, limits = dut.gear, bench.config.limits.frozen()
     missing = [
         Mistake(f"gear.{name}", None, "missing; the procedures scale their torques and speeds by it")
@@ -95,14 +111,27 @@ def bench_facts(bench: Bench, dut: Dut) -> BenchFacts:
     ]
     if gear.ratio is None or gear.rated_torque is None:
         raise ConfigError(f"dut '{dut.name}'", missing)
-    starting = gear.starting_torque or 0.1 * gear.rated_torque / gear.ratio
+    assumed: list[str] = []
+
+    def known(path: str, value: float | None, guess: float, unit: str) -> float:
+        if value is None:
+            assumed.append(f"{path} = {guess:.6g} {unit} for the procedures (not in the dut file)")
+        return guess if value is None else value
+
+    starting_guess = STARTING_SHARE * gear.rated_torque / gear.ratio
+    starting = known("gear.starting_torque", gear.starting_torque, starting_guess, "N*m")
+    backdriving_guess = BACKDRIVING_SHARE * starting * gear.ratio
+    loss = known("gear.hysteresis_loss", gear.hysteresis_loss, HYSTERESIS_LOSS, "rad")
+    inertia_guess = MOTOR_INERTIA * (gear.rated_torque / gear.ratio / INERTIA_TORQUE) ** (5 / 3)
     return BenchFacts(
         ratio=gear.ratio,
         rated_torque=gear.rated_torque,
         starting_torque=starting,
-        backdriving_torque=gear.backdriving_torque or 1.7 * starting * gear.ratio,
-        motor_counts=dut.motor.encoder_counts or MOTOR_COUNTS,
-        output_counts=dut.output.encoder_counts or OUTPUT_COUNTS,
+        backdriving_torque=known("gear.backdriving_torque", gear.backdriving_torque, backdriving_guess, "N*m"),
+        # Zhang, Ahmad & Liu 2014, equation (33)
+        wave_generator_stiffness=2.0 * starting / (gear.ratio * loss),
+        motor_inertia=known("motor.inertia", dut.motor.inertia, inertia_guess, "kg*m^2"),
+        motor_counts=round(known("motor.encoder_counts", dut.motor.encoder_counts, MOTOR_COUNTS, "per revolution")),
         cycle_time=bench.config.cycle_time,
         limits=limits,
         has_load_drive=bench.has("load"),
@@ -110,6 +139,7 @@ def bench_facts(bench: Bench, dut: Dut) -> BenchFacts:
         has_output_encoder=bench.has("output_encoder"),
         has_torque_sensor=bench.has("torque_sensor"),
         opposed=gear.rotation is Rotation.OPPOSED,
+        assumed=tuple(assumed),
     )
 
 
@@ -149,9 +179,8 @@ class Session:
 Plans = tuple[tuple[Job, tuple[PlannedRun, ...]], ...]
 
 
-def plan_jobs(bench: Bench, dut: Dut, jobs: Sequence[Job]) -> Plans:
-    """Give the runs of each job; the bench need not be open. Raises ConfigError where bench or dut do not allow it."""
-    facts = bench_facts(bench, dut)
+def plan_jobs(facts: BenchFacts, jobs: Sequence[Job]) -> Plans:
+    """Give the runs of each job. Raises ConfigError where bench or dut do not allow it."""
     for job in jobs:
         check_equipment(job, facts)
     return tuple((job, _repeated(job.procedure.plan(job.parameters, facts), job.repeat)) for job in jobs)
@@ -163,14 +192,17 @@ def run_jobs(session: Session, jobs: Sequence[Job]) -> tuple[JobRecord, ...]:
     The bench is opened and closed around each run: every run starts from devices that were configured and read back
     just before, and nothing waits for a heartbeat while results are computed.
     """
-    plans = plan_jobs(session.bench, session.dut, jobs)
+    facts = bench_facts(session.bench, session.dut)
+    for line in facts.assumed:
+        session.watcher.on_assumed(line)
+    plans = plan_jobs(facts, jobs)
     writable_folder(session.out)
     records = []
     for job, plan in plans:
         runs = []
         for number, planned in enumerate(plan, start=1):
             session.watcher.on_run(job.procedure.name, planned, number, len(plan))
-            record = _run(session, job, planned)
+            record = _run(session, job, planned, facts.assumed)
             session.watcher.on_end(record)
             runs.append(record)
             if record.error is not None:
@@ -192,14 +224,14 @@ def _repeated(plan: tuple[PlannedRun, ...], repeat: int) -> tuple[PlannedRun, ..
     )
 
 
-def _run(session: Session, job: Job, planned: PlannedRun) -> RunRecord:
+def _run(session: Session, job: Job, planned: PlannedRun, assumed: tuple[str, ...]) -> RunRecord:
     bench = session.bench
     folder = session.out / SET_UP_FOLDER if planned.set_up else session.out
     file = _free_name(folder, f"{job.procedure.name}-{planned.name}")
     outcome: RunOutcome | None = None
     result, error = Result(), None
     try:
-        log = _open_log(session, job, planned, file, bench.open())
+        log = _open_log(session, job, planned, file, bench.open(), assumed)
         try:
             outcome = execute(bench, planned.steps(), log, session.operator, session.stop, session.watcher.on_progress)
             error = _closed(bench, outcome.error)
@@ -228,7 +260,12 @@ def _closed(bench: Bench, error: RigError | None) -> RigError | None:
 
 
 def _open_log(
-    session: Session, job: Job, planned: PlannedRun, file: Path, devices: tuple[DeviceInfo, ...]
+    session: Session,
+    job: Job,
+    planned: PlannedRun,
+    file: Path,
+    devices: tuple[DeviceInfo, ...],
+    assumed: tuple[str, ...],
 ) -> LogWriter:
     clock, provenance = session.bench.clock, session.provenance
     begin_ns = clock.epoch_ns() + round(clock.now() * 1e9)
@@ -246,6 +283,7 @@ def _open_log(
         "git": provenance.git,
         "epoch_ns": str(begin_ns),
         "started": datetime.fromtimestamp(begin_ns / 1e9, UTC).isoformat(),
+        "assumed": json.dumps(assumed) if assumed else None,
         "devices": json.dumps([_device(device) for device in devices]),
     }
     return LogWriter(

@@ -28,6 +28,7 @@ from rig.session import (
     RunRecord,
     Session,
     Watcher,
+    bench_facts,
     margin_table,
     plan_jobs,
     run_jobs,
@@ -87,7 +88,7 @@ def run_command(names: tuple[str, ...], options: RunOptions, dry_run: bool) -> N
         return
     with naming_the_bench(options.bench), Stop().listening() as stop:
         bench, operator, backend, assumed = _make_bench(bench_file, dut, model, options)
-        planned = planned_time(plan_jobs(bench, dut, jobs))
+        planned = planned_time(plan_jobs(bench_facts(bench, dut), jobs))
         for line in assumed:
             tell(f"assumed: {line}")
         tell(planned)
@@ -160,7 +161,7 @@ def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Mode
     stand_in = as_simulated(bench_file)
     with Stop().listening() as stop, tempfile.TemporaryDirectory() as folder:
         simulated = simulate(stand_in, dut, model, seed=options.seed)
-        tell(planned_time(plan_jobs(simulated.bench, dut, jobs)))
+        tell(planned_time(plan_jobs(bench_facts(simulated.bench, dut), jobs)))
         records: list[RunRecord] = []
         phases: dict[str, tuple[tuple[float, str], ...]] = {}
 

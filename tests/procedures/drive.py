@@ -13,6 +13,7 @@ from sim_backend.plant import Plant
 from sim_backend.ports import AxisMode
 
 CYCLE = 1e-3
+OUTPUT_COUNTS = 524288
 TURN = 2.0 * math.pi
 
 LIMITS = Limits(motor_torque=0.25, motor_velocity=220.0, output_torque=30.0, load_torque=30.0)
@@ -22,8 +23,9 @@ FACTS = BenchFacts(
     rated_torque=16.0,
     starting_torque=0.012,
     backdriving_torque=2.0,
+    wave_generator_stiffness=1.333,
+    motor_inertia=2.2e-5,
     motor_counts=16384,
-    output_counts=524288,
     cycle_time=CYCLE,
     limits=LIMITS,
     has_load_drive=True,
@@ -141,7 +143,15 @@ def with_facts(**changes: object) -> BenchFacts:
 
 def zhang_plant(seed: int = 0, **changes: float) -> PlantConfig:
     gear = HarmonicDrive.from_catalogue(
-        100.0, 8.4e3, 9.4e3, 3.9, 12.0, 1.8e-4, 0.012, viscous_friction=changes.pop("viscous_friction", 1e-4)
+        100.0,
+        8.4e3,
+        9.4e3,
+        3.9,
+        12.0,
+        1.8e-4,
+        0.012,
+        load_friction=changes.pop("load_friction", 0.0),
+        viscous_friction=changes.pop("viscous_friction", 1e-4),
     )
     return PlantConfig(drive=gear, **changes)
 
@@ -182,7 +192,7 @@ class PlantBench:
             motor_position=self._encoder_sign * _counted(r.motor_position, self._facts.motor_counts),
             motor_velocity=r.motor_velocity,
             motor_torque=self._coarse(r.motor_torque),
-            output_position=_counted(r.output_position, self._facts.output_counts),
+            output_position=_counted(r.output_position, OUTPUT_COUNTS),
             output_torque=r.output_torque,
             load_torque=r.load_torque,
             load_position=r.load_position,

@@ -105,6 +105,23 @@ def test_a_motor_that_does_not_hold_ends_a_held_run() -> None:
     assert "does not hold" in str(driven.error)
 
 
+def test_the_largest_load_torque_allowed_leaves_the_motor_below_its_limit() -> None:
+    driven = drive(plan(replace(HELD, peak_torque=23.75), FACTS)[1], PlantBench())
+    assert driven.error is None
+    assert max(abs(sample.motor_torque or 0.0) for sample in driven.samples) < LIMITS.motor_torque
+
+
+def test_the_fastest_load_rate_that_a_plan_takes_gives_the_friction_within_2_percent() -> None:
+    driven = drive(plan(replace(HELD, rates=(32.8,)), FACTS)[1], PlantBench())
+    assert driven.named("friction_level") == pytest.approx(FRICTION, rel=0.02)
+
+
+def test_a_default_peak_asks_no_more_of_the_motor_than_it_may_hold() -> None:
+    runs = plan(HELD, with_facts(limits=replace(LIMITS, motor_torque=0.1)))
+    torques = [c.load.value for c in drive(runs[1], PlantBench()).commands if c.load is not None]
+    assert max(torques) == pytest.approx(9.5)
+
+
 def test_every_start_angle_is_repeated_in_both_modes() -> None:
     for mode in ("held", "free"):
         runs = [run for run in plan(Backdrive(input=mode, start_angles=3, repeats=2), FACTS) if not run.set_up]
@@ -122,6 +139,12 @@ def test_held_rates_beyond_the_first_are_run_once() -> None:
     ("parameters", "facts", "words"),
     [
         (Backdrive(peak_torque=40.0), {}, ("peak_torque", "40 N*m", "30 N*m")),
+        (Backdrive(rates=(5.0, 1000.0)), {}, ("rates", "1000 N*m/s", "at most 32.82 N*m/s", "zero")),
+        (Backdrive(peak_torque=2.2), {}, ("peak_torque", "2.2 N*m", "2.5 N*m", "never slides", "backdriving_torque")),
+        (Backdrive(amplitudes=(0.1,)), {}, ("amplitudes", "1.6 N*m", "2.5 N*m", "never slides")),
+        (Backdrive(peak_torque=30.0), {}, ("peak_torque", "30 N*m", "28.5 N*m")),
+        (Backdrive(peak_torque=28.0), {}, ("peak_torque", "0.28 N*m", "motor_torque", "peak_torque / ratio")),
+        (Backdrive(input="free", torque_rate=100.0), {}, ("torque_rate", "100 N*m/s", "too fast, at most 19.69 N*m/s")),
         (Backdrive(input="free", torque_max=40.0), {}, ("torque_max", "40 N*m", "30 N*m")),
         (Backdrive(), {"has_load_drive": False}, ("no load drive",)),
         (Backdrive(input="stuck"), {}, ("input", "stuck", "held or free")),

@@ -7,14 +7,17 @@ import pytest
 
 from drivers.errors import DataError
 from procedures.breakaway import Breakaway, find_breakaway
-from tests.procedures.rotor import Rotor, ramp
+from tests.procedures.rotor import C_W, SPRING_END, Rotor, ramp
+
+SWING = math.sqrt(1.0 / (C_W * SPRING_END) / 2.2e-5)
+"""246 rad/s: the rotor of the tests on its spring at small torque."""
 
 RESOLUTIONS = (1024, 4096, 16384, 262144)
 
 
 def estimate(rotor: Rotor, counts: int, **options: float) -> Breakaway:
     time, torque, position, rest = ramp(rotor, counts, **options)
-    return find_breakaway(time, torque, position, rest, 2.0 * math.pi / counts)
+    return find_breakaway(time, torque, position, rest, 2.0 * math.pi / counts, SWING)
 
 
 def standard_errors(found: Breakaway, truth: float) -> float:
@@ -80,8 +83,8 @@ def test_a_faster_ramp_still_finds_the_breakaway() -> None:
 def test_backward_ramps_give_the_same_magnitudes() -> None:
     time, torque, position, rest = ramp(Rotor(), 4096)
     resolution = 2.0 * math.pi / 4096
-    forward = find_breakaway(time, torque, position, rest, resolution)
-    backward = find_breakaway(time, -torque, -position, -rest, resolution)
+    forward = find_breakaway(time, torque, position, rest, resolution, SWING)
+    backward = find_breakaway(time, -torque, -position, -rest, resolution, SWING)
     assert backward.torque == pytest.approx(forward.torque, rel=1e-9)
     assert backward.first_pulse == pytest.approx(forward.first_pulse, rel=1e-9)
 
@@ -90,12 +93,12 @@ def test_an_encoder_that_chatters_at_rest_has_not_given_its_first_pulse() -> Non
     time, torque, position, rest = ramp(Rotor(), 4096)
     resolution = 2.0 * math.pi / 4096
     chatter = rest + resolution * (np.arange(rest.size) % 2)
-    calm = find_breakaway(time, torque, position, rest, resolution)
-    unsure = find_breakaway(time, torque, position, chatter, resolution)
+    calm = find_breakaway(time, torque, position, rest, resolution, SWING)
+    unsure = find_breakaway(time, torque, position, chatter, resolution, SWING)
     assert unsure.first_pulse_time > calm.first_pulse_time
 
 
 def test_a_path_of_too_few_counts_is_refused_with_what_to_do() -> None:
     time, torque, position, rest = ramp(Rotor(), 4096, motion=0.008)
     with pytest.raises(DataError, match="motion"):
-        find_breakaway(time, torque, position, rest, 2.0 * math.pi / 4096)
+        find_breakaway(time, torque, position, rest, 2.0 * math.pi / 4096, SWING)

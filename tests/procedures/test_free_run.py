@@ -6,10 +6,11 @@ from dataclasses import replace
 import pytest
 
 from drivers.errors import ConfigError, RigTimeoutError
-from drivers.types import Mode
+from drivers.types import Mode, Sample
 from procedures.free_run import FreeRun, plan, summarise
+from procedures.intents import Command
 from procedures.waveforms import TURN
-from tests.procedures.drive import FACTS, LIMITS, Driven, PlantBench, drive, drive_all, with_facts
+from tests.procedures.drive import FACTS, LIMITS, Driven, PlantBench, drive, drive_all, with_facts, zhang_plant
 
 FAST = FreeRun(dwell=1.0, speeds=(100.0, 200.0), turns=1, repeats=1)
 
@@ -94,6 +95,29 @@ def test_a_coast_down_that_is_too_short_is_an_error_that_says_so() -> None:
     assert "coast_down" in str(driven.error)
 
 
+class _SilentVelocity(PlantBench):
+    """A drive that maps no velocity into its PDOs, as the CANopen drives here."""
+
+    def cycle(self, command: Command) -> Sample:
+        return super().cycle(command)._replace(motor_velocity=None)
+
+
+@pytest.mark.parametrize("coast_down", [0.001, 0.05])
+def test_a_short_coast_down_is_noticed_without_a_measured_velocity(coast_down: float) -> None:
+    driven = drive(plan(replace(FAST, speeds=(200.0,), coast_down=coast_down), FACTS)[1], _SilentVelocity())
+    assert isinstance(driven.error, RigTimeoutError)
+    assert driven.error.waited == coast_down
+    assert "coast_down" in str(driven.error)
+
+
+@pytest.mark.parametrize("counts", [256, 16384])
+def test_a_coast_down_from_creeping_speed_is_not_mistaken_for_motion(counts: int) -> None:
+    """2 % of a creeping speed is less than one encoder count in 10 ms."""
+    facts = with_facts(ratio=2.0, motor_counts=counts)
+    run = plan(replace(FAST, speeds=(1.0,), coast_down=0.5), facts)[1]
+    assert drive(run, _SilentVelocity(facts)).error is None
+
+
 def test_every_speed_is_repeated_as_replicates() -> None:
     runs = [run for run in plan(FreeRun(speeds=(20.0, 40.0, 80.0), repeats=3), FACTS) if not run.set_up]
     assert len(runs) == 9
@@ -107,6 +131,78 @@ def test_every_speed_is_repeated_as_replicates() -> None:
     ]
 
 
+LOADED = replace(FAST, speeds=(150.0,), load_torques=(-8.0, 0.0, 8.0))
+
+
+@pytest.fixture(scope="module")
+def loaded() -> list[Driven]:
+    config = zhang_plant(load_friction=0.05)
+    runs = drive_all(plan(LOADED, FACTS), PlantBench(config=config))
+    return [driven for run, driven in runs if not run.set_up]
+
+
+def test_half_the_sum_of_both_directions_is_the_load_over_the_ratio(loaded: list[Driven]) -> None:
+    for driven, load in zip(loaded, LOADED.load_torques, strict=True):
+        offset = driven.measurement("torque_offset")
+        assert driven.named("load_torque") == load
+        assert offset.uncertainty is not None
+        assert abs(offset.value - load / FACTS.ratio) < 3.0 * offset.uncertainty
+        assert offset.uncertainty < 1e-5
+
+
+def test_half_the_difference_is_friction_that_grows_with_the_load(loaded: list[Driven]) -> None:
+    for driven, load in zip(loaded, LOADED.load_torques, strict=True):
+        friction = 0.012 + 0.05 * abs(load) / FACTS.ratio + 1e-4 * 150.0
+        assert driven.named("friction") == pytest.approx(friction, rel=0.01)
+
+
+def test_the_load_is_put_on_and_off_while_the_motor_holds_still(loaded: list[Driven]) -> None:
+    driven = loaded[0]
+    for before, command in itertools.pairwise(driven.commands):
+        if command.load is not None and before.load is not None and command.load.value != before.load.value:
+            assert command.motor == (Mode.VELOCITY, 0.0)
+    held = max(abs(sample.motor_velocity or 0.0) for sample in driven.samples[1000:2000])
+    # winding up by g(80 mN*m)/N and f(8 N*m) in one second turns the motor by a tenth of a radian; the loop is soft
+    assert held < 5.0
+    assert driven.commands[-1].load == (Mode.TORQUE, 0.0)
+    assert driven.seconds == pytest.approx(plan(LOADED, FACTS)[1].duration, rel=0.01)
+
+
+def test_the_summary_of_a_load_ladder_is_by_load_and_speed(loaded: list[Driven]) -> None:
+    names = {m.name for m in summarise(tuple(driven.result for driven in loaded)).measurements}
+    assert names == {f"{q}_at_150_rad_s_and_{load}_N_m" for q in ("friction", "torque_offset") for load in (-8, 0, 8)}
+
+
+def test_replicates_share_speed_and_load() -> None:
+    runs = [run for run in plan(replace(LOADED, speeds=(100.0, 150.0), repeats=2), FACTS) if not run.set_up]
+    assert len(runs) == 12
+    assert [run.replicate for run in runs[:3]] == [
+        "free-run-speed-1-load-1",
+        "free-run-speed-2-load-1",
+        "free-run-speed-1-load-2",
+    ]
+    assert len({run.replicate for run in runs}) == 6
+
+
+@pytest.mark.parametrize(
+    ("parameters", "facts", "words"),
+    [
+        (LOADED, {"has_load_drive": False}, ("load_torques", "no load drive")),
+        (replace(LOADED, coast_down=1.0), {}, ("coast_down", "1 s", "load_torques")),
+        (replace(LOADED, load_torques=(1.0, -29.0)), {}, ("load_torques", "29 N*m", "28.5 N*m")),
+        (replace(LOADED, load_torques=(24.0,)), {}, ("load_torques", "0.2542 N*m at the motor", "motor_torque")),
+        (replace(FAST, acceleration=2e4), {}, ("acceleration", "0.452 N*m", "motor_torque", "0.25 N*m")),
+    ],
+)
+def test_torques_that_bench_or_motor_cannot_give_are_refused(
+    parameters: FreeRun, facts: dict[str, object], words: tuple[str, ...]
+) -> None:
+    with pytest.raises(ConfigError) as caught:
+        plan(parameters, with_facts(**facts))
+    for word in words:
+        assert word in str(caught.value)
+
+
 def test_a_bench_without_a_lock_needs_no_set_up() -> None:
     assert not any(run.set_up for run in plan(FreeRun(), with_facts(has_lock=False)))
 
@@ -115,6 +211,7 @@ def test_a_bench_without_a_lock_needs_no_set_up() -> None:
     ("parameters", "limits", "words"),
     [
         (FreeRun(speeds=(300.0,)), LIMITS, ("speeds", "300 rad/s", "motor_velocity", "220 rad/s")),
+        (FreeRun(speeds=(220.0,)), LIMITS, ("speeds", "220 rad/s", "209 rad/s", "overshoot")),
         (FreeRun(), replace(LIMITS, output_travel=6.0), ("turns", "output_travel", "6 rad")),
         (FreeRun(), replace(LIMITS, motor_travel=1000.0), ("turns", "motor_travel", "1000 rad")),
     ],

@@ -158,6 +158,18 @@ def test_without_a_torque_sensor_the_run_is_logged_and_nothing_is_claimed() -> N
     assert driven.result.measurements == ()
 
 
+@pytest.mark.parametrize("bounds", [{"rates": (0.328,)}, {"rates": (0.005,), "peak_torque": 0.015}])
+def test_the_fastest_rate_and_the_smallest_loop_that_a_plan_takes_give_the_friction(bounds: dict[str, object]) -> None:
+    runs = plan(replace(SHORT, **bounds), FACTS)
+    bench = PlantBench()
+    drive(runs[0], bench)
+    assert drive(runs[1], bench).named("friction_torque") == pytest.approx(0.012, rel=0.025)
+
+
+def test_without_a_torque_sensor_any_rate_may_be_logged() -> None:
+    assert plan(LockedOutput(rates=(1.0,)), with_facts(has_torque_sensor=False))
+
+
 def test_the_summary_is_the_mean_over_the_runs(default_run: Driven) -> None:
     joined = {m.name: m for m in summarise((default_run.result, default_run.result)).measurements}
     assert joined["stiffness"].value == pytest.approx(default_run.named("stiffness"))
@@ -167,6 +179,12 @@ def test_the_summary_is_the_mean_over_the_runs(default_run: Driven) -> None:
     ("parameters", "facts", "words"),
     [
         (LockedOutput(peak_torque=0.3), {}, ("peak_torque", "0.3 N*m", "motor_torque", "0.25 N*m")),
+        (LockedOutput(rates=(1.0,)), {}, ("rates", "1 N*m/s", "at most 0.3282 N*m/s", "Lower the rate")),
+        (LockedOutput(rates=(0.05, 1000.0)), {}, ("rates", "1000 N*m/s", "at most 0.3282 N*m/s")),
+        (LockedOutput(rates=(0.2,)), {"cycle_time": 0.01}, ("rates", "0.2 N*m/s", "24 cycles")),
+        (LockedOutput(amplitudes=(0.01,)), {}, ("amplitudes", "0.00172 N*m", "0.015 N*m", "never slides")),
+        (LockedOutput(peak_torque=0.005), {}, ("peak_torque", "0.005 N*m", "0.015 N*m", "never slides")),
+        (LockedOutput(peak_torque=0.25), {}, ("peak_torque", "0.25 N*m", "0.2375 N*m")),
         (
             LockedOutput(peak_torque=0.2),
             {"limits": replace(LIMITS, output_torque=16.0)},
