@@ -289,10 +289,20 @@ def _open_log(
     return LogWriter(
         file,
         {key: value for key, value in info.items() if value},
-        attachments={"bench.toml": provenance.bench_text.encode(), "dut.toml": provenance.dut_text.encode()},
+        attachments=_attachments(session),
         cycle_rate=session.bench.config.cycle_rate,
         epoch_ns=begin_ns,
     )
+
+
+def _attachments(session: Session) -> dict[str, bytes]:
+    """Give the files that belong to a run: bench, dut, and what describes the devices."""
+    found = {"bench.toml": session.provenance.bench_text.encode(), "dut.toml": session.provenance.dut_text.encode()}
+    for role, device in session.bench.config.devices.items():
+        path = device.options.get("eds")
+        if isinstance(path, str):
+            found[f"{role}{Path(path).suffix}"] = Path(path).read_bytes()
+    return found
 
 
 def _device(info: DeviceInfo) -> dict[str, object]:

@@ -9,11 +9,13 @@ Source: CiA 301, SYNC 0x080, heartbeat 0x700.
 """
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import can
 
 from drivers.canopen.drive import Cia402Drive
+from drivers.canopen.eds import load_description
 from drivers.canopen.encoder import Cia406Encoder
 from drivers.canopen.errors import raise_together
 from drivers.canopen.heartbeat import BenchHeartbeat
@@ -96,12 +98,17 @@ class CanopenBus:
         self._error_frames = 0
 
     def attach(self, config: DeviceConfig) -> CanopenDevice:
-        """Make the driver for one of the devices that the bus was opened for; nothing is sent yet."""
+        """Make the driver for one of the devices that the bus was opened for; nothing is sent yet.
+
+        Raises ConfigError also if the device's description cannot be read.
+        """
         if self._configs.get(config.name) != config or config.name in self._devices:
             rule = "not one of the devices that this bus was opened for, or attached already"
             raise ConfigError("devices", [Mistake(config.name, config.driver, rule)])
         options = self._options[config.name]
         node = CanopenNode(config, self._link, self._clock, self._events.append, options.sdo_timeout)
+        if options.eds is not None:
+            node.describe(load_description(Path(options.eds), config.address, f"devices.{config.name}.options.eds"))
         device = self._make(config, options, node)
         self._devices[config.name] = device
         self._parts = (*self._parts, (device, node))

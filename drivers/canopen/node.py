@@ -8,6 +8,7 @@ taking the torque away is never interrupted by news. Source: CiA 301.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from drivers.canopen.eds import DeviceDescription
 from drivers.canopen.emergency import Emergency, parse_emergency
 from drivers.canopen.errors import DeviceFaultError, raise_together
 from drivers.canopen.link import Handler, Link
@@ -89,6 +90,7 @@ class CanopenNode:
         self._clock = clock
         self._report = report
         self._changes: list[Change] = []
+        self._description: DeviceDescription | None = None
         self._lost = False
         link.route(0x080 + self.node_id, self._on_emergency)
         link.route(0x700 + self.node_id, self._on_heartbeat)
@@ -133,7 +135,26 @@ class CanopenNode:
             value = self.objects.find(ref)
             if value is not None:
                 entries.append((ref.name, f"0x{value:08X}"))
+                self._compare(ref.name, value)
+        if self._description is not None:
+            entries.append(("description", self._description.source))
         return tuple(entries)
+
+    def describe(self, description: DeviceDescription) -> None:
+        """Hold what the driver does with the device, and what it says of itself, against its description."""
+        self._description = self.objects.description = description
+
+    def _compare(self, name: str, value: int) -> None:
+        """Raise ConfigError if the device says another vendor or product than its description."""
+        told = self._description
+        wanted = None if told is None else {"vendor": told.vendor, "product": told.product}.get(name)
+        if told is not None and wanted and wanted != value:
+            rule = f"describes {name} 0x{wanted:08X}, but {self.where} is 0x{value:08X}"
+            raise ConfigError(
+                f"device '{self.name}'",
+                [Mistake("options.eds", told.source, rule)],
+                hint="Check which device is connected, or take the file that belongs to it.",
+            )
 
     def change(self, ref: ObjectRef, wanted: int) -> None:
         """Set a parameter, read it back and remember the old value. Raises DeviceFaultError if it is not kept."""

@@ -20,10 +20,19 @@ def _option(default: Any, low: float, high: float) -> Any:
     return dataclasses.field(default=default, metadata={"low": low, "high": high})
 
 
+def _text(*choices: str) -> Any:
+    """Give an optional text; without `choices` any but an empty one."""
+    return dataclasses.field(default=None, metadata={"choices": choices})
+
+
 @dataclass(frozen=True, slots=True)
 class CommonOptions:
-    """For every device. `bitrate` bit/s; `master_id` node id of the bench's heartbeat; `sdo_timeout` s."""
+    """For every device. `bitrate` bit/s; `master_id` node id of the bench's heartbeat; `sdo_timeout` s.
 
+    `eds`: file that describes the device (EDS or DCF), against which device and driver are checked.
+    """
+
+    eds: str | None = _text()
     bitrate: int = _option(1_000_000, 10_000, 1_000_000)
     master_id: int = _option(127, 1, 127)
     sdo_timeout: float = _option(0.3, 0.001, 10.0)
@@ -65,14 +74,14 @@ class TorqueOptions(CommonOptions):
     reading is not valid; `tare_timeout` s. While it waits for a tare no heartbeat of the bench is sent.
     """
 
-    unit: str | None = _option(None, 0, 0)
+    unit: str | None = _text(*TORQUE_UNITS)
     full_scale: float | None = _option(None, 1e-9, 1e9)
     tare_timeout: float = _option(0.3, 0.001, 30.0)
 
 
 Options = TypeVar("Options", bound=CommonOptions)
 
-_OPTIONAL_KINDS: Mapping[str, type] = {"unit": str, "quick_stop_option": int}
+_OPTIONAL_KINDS: Mapping[str, type] = {"unit": str, "eds": str, "quick_stop_option": int}
 """Type of the options whose default None does not tell it; the others are float."""
 
 
@@ -98,9 +107,12 @@ def read_options(kind: type[Options], options: Mapping[str, OptionValue], path: 
     return kind(**values), mistakes
 
 
-def _broken_rule(value: OptionValue, kind: type, bounds: Mapping[str, float]) -> str:
+def _broken_rule(value: OptionValue, kind: type, bounds: Mapping[str, Any]) -> str:
     if kind is str:
-        return "" if value in TORQUE_UNITS else f"expected one of {', '.join(TORQUE_UNITS)}"
+        choices = bounds["choices"]
+        if choices:
+            return "" if value in choices else f"expected one of {', '.join(choices)}"
+        return "" if isinstance(value, str) and value else "expected a text"
     if kind is bool:
         return "" if isinstance(value, bool) else "expected true or false"
     accepted = (int,) if kind is int else (int, float)

@@ -13,11 +13,12 @@ from canopen import ObjectDictionary
 from canopen.sdo.client import SdoClient
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoError
 
+from drivers.canopen.eds import DeviceDescription
 from drivers.canopen.errors import DeviceFaultError, SdoAbortError
 from drivers.canopen.link import Link
 from drivers.canopen.objects import ObjectRef
 from drivers.clock import Clock
-from drivers.errors import RigTimeoutError
+from drivers.errors import ConfigError, Mistake, RigTimeoutError
 
 OBJECT_MISSING = 0x06020000
 SUB_INDEX_MISSING = 0x06090011
@@ -86,8 +87,9 @@ class PumpedSdoClient(SdoClient):
 class ObjectAccess:
     """The objects of one device, as integers. `timeout` in s for each request.
 
-    Every method raises SdoAbortError if the device refuses, RigTimeoutError if it does not answer, and
-    NotConnectedError if the bus fails.
+    `description`: what a file says of the device; an object that it does not have, or gives another type, is refused.
+    Every method raises ConfigError then, SdoAbortError if the device refuses, RigTimeoutError if it does not answer,
+    and NotConnectedError if the bus fails.
     """
 
     def __init__(self, device: str, node_id: int, link: Link, clock: Clock, timeout: float) -> None:
@@ -95,9 +97,11 @@ class ObjectAccess:
         self._where = f"'{device}' (node {node_id})"
         self._timeout = timeout
         self._client = PumpedSdoClient(node_id, link, clock, timeout)
+        self.description: DeviceDescription | None = None
 
     def read(self, ref: ObjectRef) -> int:
         """Give the value of an object. Raises DeviceFaultError if it has another length than its type."""
+        self._require_agreement(ref)
         try:
             data = self._client.upload(ref.index, ref.sub)
         except SdoError as error:
@@ -108,7 +112,9 @@ class ObjectAccess:
             raise DeviceFaultError(self._device, f"answered with a wrong length: {error}", state="") from error
 
     def find(self, ref: ObjectRef) -> int | None:
-        """Give the value of an object, None if the device says that it has no such object."""
+        """Give the value of an object, None if the device, or its description, has no such object."""
+        if self.description is not None and (ref.index, ref.sub) not in self.description.codes:
+            return None
         try:
             return self.read(ref)
         except SdoAbortError as error:
@@ -118,6 +124,7 @@ class ObjectAccess:
 
     def write(self, ref: ObjectRef, value: int, timeout: float | None = None) -> None:
         """Write an object once; a time-out (s, the usual one if None) leaves open whether the device took it."""
+        self._require_agreement(ref)
         self._client.timeout = self._timeout if timeout is None else timeout
         try:
             self._client.download(ref.index, ref.sub, ref.encode(value))
@@ -136,6 +143,16 @@ class ObjectAccess:
                 f"did not keep {ref}: wanted {value} (0x{value & 0xFFFFFFFF:X}), got {kept} (0x{kept & 0xFFFFFFFF:X})",
                 state="",
                 hint="Check the device's manual for what blocks this object.",
+            )
+
+    def _require_agreement(self, ref: ObjectRef) -> None:
+        """Raise ConfigError if the device's description disagrees with what the driver holds of the object."""
+        rule = "" if self.description is None else self.description.disagreement(ref)
+        if self.description is not None and rule:
+            raise ConfigError(
+                f"device '{self._device}'",
+                [Mistake("options.eds", self.description.source, rule)],
+                hint="Take the file that belongs to the device, or another driver or profile.",
             )
 
     def _translated(self, error: SdoError, doing: str) -> RigTimeoutError | SdoAbortError:

@@ -329,11 +329,25 @@ def _key_in_file(path: str) -> str:
 
 
 def load_bench(name: str) -> tuple[BenchFile, str]:
-    """Read a bench file, or the shipped one for "sim"; give the model and the text. Raises ConfigError."""
+    """Read a bench file, or the shipped one for "sim"; give the model and the text. Raises ConfigError.
+
+    Files that it names (`options.eds`) lie beside it.
+    """
     if name == "sim":
         text = files("rig.config").joinpath("sim_bench.toml").read_text(encoding="utf-8")
         return parse_toml(text, BenchFile, bench_source(name)), text
     if not name:
         raise ConfigError("--bench", [Mistake("--bench", name, "expected a bench file, or sim")])
     text = read_text(Path(name))
-    return parse_toml(text, BenchFile, name), text
+    return _beside(parse_toml(text, BenchFile, name), Path(name).parent), text
+
+
+def _beside(bench: BenchFile, folder: Path) -> BenchFile:
+    """Take the files that devices name from beside the bench file."""
+    devices = {
+        role: device.model_copy(update={"options": {**device.options, "eds": str(folder / str(device.options["eds"]))}})
+        if device.options.get("eds")
+        else device
+        for role, device in bench.devices.items()
+    }
+    return bench.model_copy(update={"devices": devices})
