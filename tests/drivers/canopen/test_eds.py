@@ -49,7 +49,7 @@ def test_an_object_of_another_type_than_the_driver_takes_it_for_is_refused(tmp_p
     )
     assert unsigned != shipped(MOTOR)
     bench = bench_with(tmp_path, MOTOR, unsigned)
-    with pytest.raises(ConfigError, match="0x6077:00.* as UNSIGNED16, the driver takes it for INTEGER16"):
+    with pytest.raises(ConfigError, match=r"0x6077:00.* as UNSIGNED16, the driver takes it for INTEGER16"):
         bench.motor.connect()
 
 
@@ -64,7 +64,7 @@ def test_a_drive_whose_file_lacks_an_object_that_is_needed_is_refused(tmp_path: 
 
 def test_another_product_than_the_file_describes_is_refused(tmp_path: Path) -> None:
     bench = bench_with(tmp_path, MOTOR, shipped(MOTOR).replace("ProductNumber=0x00000402", "ProductNumber=0x00000403"))
-    with pytest.raises(ConfigError, match="describes product 0x00000403, but node 1 .* is 0x00000402"):
+    with pytest.raises(ConfigError, match=r"describes product 0x00000403, but node 1 .* is 0x00000402"):
         bench.motor.connect()
 
 
