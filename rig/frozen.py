@@ -98,10 +98,11 @@ class FrozenWatch:
                 continue
             if device.changed(sample):
                 command.start(setpoint, sample.time)
-            device.judge(sample, command.follow(setpoint, sample.time))
+            else:
+                device.judge(sample, command.follow(setpoint, sample.time))
         for sensor in self._sensors:
-            sensor.changed(sample)
-            sensor.judge(sample, "")
+            if not sensor.changed(sample):
+                sensor.judge(sample, "")
 
 
 class _Command:
