@@ -1,6 +1,7 @@
 """The commands as their user meets them: exit code, one paragraph on stderr, results on stdout."""
 
 import json
+import math
 import os
 import re
 import shlex
@@ -13,11 +14,14 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from drivers.clock import RealClock
+from drivers.signals import BY_NAME
 from drivers.types import Sample
 from rig.cli import app
-from rig.config.bench import load_bench
+from rig.config.bench import BenchFile, load_bench
+from rig.config.toml_file import parse_toml
 from rig.log.load import load_run, load_runs
 from rig.log.writer import LogWriter
+from rig.session import calibration
 
 SHORT_BACKDRIVE = ["--set", "backdrive.dwell=0.5", "--set", "backdrive.start_angles=1", "--set", "backdrive.repeats=1"]
 TOO_MUCH = ["--set", "locked-output.peak_torque=0.17"]
@@ -52,13 +56,42 @@ def test_a_run_logs_the_measurement_and_its_set_up_apart(campaign):
 
 def test_a_log_carries_its_provenance(campaign):
     (run,) = load_runs([campaign])
-    for key in ("run_id", "procedure", "parameters", "operator", "dut", "bench", "backend", "software", "started"):
+    for key in (
+        "run_id",
+        "procedure",
+        "parameters",
+        "operator",
+        "dut",
+        "bench",
+        "backend",
+        "software",
+        "started",
+        "calibration",
+    ):
         assert run.metadata[key], key
     assert run.metadata["outcome.status"] == "done"
     assert run.metadata["outcome.safe_state_confirmed"] == "true"
     assert json.loads(run.metadata["outcome.measurements"])
     assert "SHD-17-100" in run.dut_text
     assert 'name = "sim"' in run.bench_text
+
+
+def test_a_log_says_how_each_channel_came_to_its_value(tmp_path):
+    answer = rig("run", "locked-output", *SHORT_SWEEP, "--set", "locked-output.tare=true", "-o", tmp_path)
+    assert answer.exit_code == 0, answer.stderr
+    (run,) = load_runs([tmp_path])
+    channels = json.loads(run.metadata["calibration"])
+    for name in ("motor_position", "motor_torque", "load_torque", "output_position", "output_torque"):
+        assert (channels[name]["sign"], channels[name]["unit"]) == (1, BY_NAME[name].unit)
+    assert channels["output_position"]["resolution"] == pytest.approx(2 * math.pi / 524288)
+    assert channels["motor_torque"]["resolution"] == pytest.approx(0.188e-3, rel=0.01)
+    assert channels["motor_position"]["resolution"] is None
+    assert re.match(r"removed \S+ N\*m in locked-output-set-up", channels["output_torque"]["tare"])
+    sets_up = [json.loads(set_up.metadata["calibration"]) for set_up in load_runs([tmp_path / "set-up"])]
+    assert None in [channels["output_torque"]["tare"] for channels in sets_up]
+    text = load_bench("sim")[1].replace("[limits]", "[devices.load.sign]\nload_torque = -1\n[limits]")
+    turned = calibration(parse_toml(text, BenchFile, "bench.toml"), (), {})
+    assert (turned["load_torque"]["sign"], turned["load_position"]["sign"]) == (-1, 1)
 
 
 def test_a_second_run_into_one_folder_overwrites_nothing(campaign, tmp_path):
