@@ -299,6 +299,27 @@ def test_a_cut_off_log_is_shown_and_recovered(campaign, tmp_path):
     assert len(load_run(tmp_path / "saved.mcap").time) == json.loads(shown.stdout)["samples"]
 
 
+def test_what_holds_for_a_whole_recording_is_told_once(tmp_path):
+    rows = "".join(f"{index // 2},{index}\n" for index in range(40))
+    table = broken(tmp_path, "x.csv", f"time[s],motor_torque[N*m]\n{rows}".encode())
+    rules = broken(tmp_path, "map.toml", b'[run.split]\nby = "time"\nblocks = 4\n')
+    answer = rig("import", table, "--map", rules, "-o", tmp_path / "out")
+    assert answer.exit_code == 0, answer.stderr
+    assert len(answer.stdout.splitlines()) == 4
+    assert answer.stderr.count("merged by mean") == 1
+    assert answer.stderr.count("no procedure is stated") == 1
+    assert "x.csv: 20 samples with the time stamp of the one before" in answer.stderr
+
+
+def test_what_holds_for_one_run_of_a_recording_is_told_of_it(tmp_path):
+    times = [0, 1, 2, 3, 4, 5, 6, 7, 8, 20, 21, 22]
+    table = broken(tmp_path, "x.csv", b"t,tau\n" + "".join(f"{time},{time}\n" for time in times).encode())
+    rules = b'[signals.time]\ncolumn = "t"\n[signals.motor_torque]\ncolumn = "tau"\n[run.split]\nby = "time"\n'
+    answer = rig("import", table, "--map", broken(tmp_path, "m.toml", rules + b"period = 21\n"), "-o", tmp_path / "out")
+    assert "x-01: 1 gap" in answer.stderr
+    assert "x-02: 1 gap" not in answer.stderr
+
+
 def test_a_recovered_log_is_never_written_over_another(campaign, tmp_path):
     (run,) = load_runs([campaign])
     taken = broken(tmp_path, "taken.mcap", b"something")
