@@ -1,5 +1,6 @@
 """The two measured data sets come in through the mapping files of the documentation."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,9 @@ from rig.log.importer import import_files
 from rig.log.load import load_runs
 
 ROOT = Path(__file__).parents[3]
-DATA = ROOT.parent / "shared" / "data"
+DATA = Path(os.environ.get("HARMONIC_RIG_DATA") or ROOT.parent / "shared" / "data")
+"""The measured logs: where the environment says, else beside the checkout."""
+
 EXAMPLES = ROOT / "docs" / "examples"
 
 pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="the measured logs are not part of the repository")
