@@ -181,6 +181,16 @@ def test_a_dry_run_refuses_what_would_break_a_limit_of_a_real_bench(tmp_path):
     assert answer.exit_code == 2
     assert "output_torque" in answer.stderr
     assert "12" in answer.stderr
+    assert ".." not in answer.stderr
+
+
+def test_a_file_in_the_place_of_the_set_up_folder_is_named(tmp_path):
+    (tmp_path / "set-up").write_text("mine")
+    answer = rig("run", "locked-output", *SHORT_SWEEP, "-o", tmp_path)
+    assert answer.exit_code == 2
+    assert "set-up" in answer.stderr
+    assert "is a file" in answer.stderr
+    assert "overwritten" not in answer.stderr
 
 
 def test_a_real_bench_does_not_move_without_a_device_under_test(tmp_path):
@@ -218,6 +228,16 @@ def test_a_limit_hit_in_motion_ends_with_code_3_and_a_complete_log(tmp_path):
         (["run", "free-run", "--dut", "none.toml"], ["none.toml"]),
         (["run", "free-run", "--model", "none.json"], ["none.json"]),
         (["export", ".", "--to", "xlsx"], ["xlsx", "hdf5"]),
+        (["run", "free-run", "--set", "free-run.dwell=1_0"], ["free-run.dwell = '1_0'", "a number"]),
+        (["run", "free-run", "--set", "free-run.repeats=１"], ["free-run.repeats", "a whole number"]),
+        (["run", "free-run", "--set", f"free-run.dwell={'1' * 5000}"], ["free-run.dwell = '1111", "1...'"]),
+        (["run", "free-run", "--set", f"{'1' * 5000}"], ["PROCEDURE.NAME=VALUE"]),
+        (["run", "free-run", "--set", "free-run.dwell=2", "--set", "free-run.dwell=3"], ["dwell=3", "set twice"]),
+        (["run", "fre-run"], ["fre-run", "did you mean free-run?"]),
+        (["run", "free-run", "-o", ""], ["-o", "expected a path"]),
+        (["run", "free-run", "--dut", ""], ["--dut", "expected a path"]),
+        (["run", "free-run", "--bench", ""], ["--bench", "expected a bench file"]),
+        (["show", ""], ["RUN", "expected a path"]),
         (["proceduers"], ["proceduers", "did you mean 'procedures'?"]),
         (["loop", ".", "--alpha", "nan"], ["--alpha = 'nan'", "0.5", "rig loop --help"]),
         (["run", "free-run", "--repeat=0"], ["--repeat = '0'", "greater than or equal to 1"]),
@@ -231,6 +251,8 @@ def test_wrong_use_is_one_paragraph_and_code_2(arguments, words):
     assert answer.exit_code == 2
     assert answer.stdout == ""
     assert len(answer.stderr.splitlines()) == 1
+    assert len(answer.stderr) < 1000
+    assert not re.search(r"[^.]\.\.(\s|$)|\.;", answer.stderr)
     for word in words:
         assert word in answer.stderr
 
