@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -9,6 +10,11 @@ from typing import Any
 from drivers.errors import ConfigError, Mistake
 from drivers.types import Limits
 from procedures.intents import Result, Steps
+
+_WHOLE = re.compile(r"[-+]?[0-9]+")
+_DECIMAL = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+_MOST_LETTERS = 60
+"""Letters of a value that a message repeats, and more than any number here needs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,16 +134,16 @@ def build_parameters(procedure: Procedure, settings: dict[str, str]) -> Any:
     values: dict[str, Any] = {}
     mistakes: list[Mistake] = []
     for name, text in settings.items():
-        path = f"{procedure.name}.{name}"
+        path = f"{procedure.name}.{_shown(name)}"
         info = table.get(name)
         if info is None:
             known = ", ".join(table)
-            mistakes.append(Mistake(path, text, f"no such parameter; {procedure.name} has {known}"))
+            mistakes.append(Mistake(path, _shown(text), f"no such parameter; {procedure.name} has {known}"))
             continue
         try:
             values[name] = _read(text, info)
         except ValueError as error:
-            mistakes.append(Mistake(path, text, str(error)))
+            mistakes.append(Mistake(path, _shown(text), str(error)))
     if mistakes:
         raise ConfigError("--set", mistakes, hint="`rig procedures` lists every parameter with unit and range.")
     return procedure.parameters(**values)
@@ -156,11 +162,15 @@ def _read(text: str, info: ParameterInfo) -> Any:
     return _number(text, info, info.kind)
 
 
+def _shown(text: str) -> str:
+    return text if len(text) <= _MOST_LETTERS else f"{text[: _MOST_LETTERS - 3]}..."
+
+
 def _number(text: str, info: ParameterInfo, kind: type) -> Any:
-    try:
-        value = kind(text)
-    except ValueError:
-        raise ValueError(f"expected {'a whole number' if kind is int else 'a number'} in {info.unit}") from None
+    # Python itself also reads 1_0, digits of other scripts and numbers with thousands of digits
+    if not (_WHOLE if kind is int else _DECIMAL).fullmatch(text.strip()) or len(text) > _MOST_LETTERS:
+        raise ValueError(f"expected {'a whole number' if kind is int else 'a number'} in {info.unit}")
+    value = kind(text)
     if not (math.isfinite(value) and info.low <= value <= info.high):
         raise ValueError(f"out of range {info.low:g} to {info.high:g} {info.unit}")
     return value

@@ -60,10 +60,22 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
+
+def _path(text: str | Path) -> Path:
+    """Refuse a path without a letter, which would stand for the folder at hand."""
+    if not str(text).strip():
+        raise typer.BadParameter("expected a path")
+    return Path(text)
+
+
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
-Out = Annotated[Path, typer.Option("-o", "--out", help="Folder for what is written.")]
-DutFile = Annotated[Path | None, typer.Option("--dut", help="Device under test (dut.toml).")]
-Runs = Annotated[list[Path], typer.Argument(help="Logs (.mcap, .csv) or folders of logs.", metavar="RUN...")]
+Out = Annotated[Path, typer.Option("-o", "--out", parser=_path, metavar="FOLDER", help="Folder for what is written.")]
+DutFile = Annotated[
+    Path | None, typer.Option("--dut", parser=_path, metavar="FILE", help="Device under test (dut.toml).")
+]
+Runs = Annotated[
+    list[Path], typer.Argument(parser=_path, help="Logs (.mcap, .csv) or folders of logs.", metavar="RUN...")
+]
 
 
 @app.command()
@@ -71,7 +83,9 @@ def run(
     procedures: Annotated[list[str], typer.Argument(metavar="PROCEDURE...", help="See `rig procedures`.")],
     bench: Annotated[str, typer.Option(help="Bench file, or 'sim' for the simulated bench.")] = "sim",
     dut: DutFile = None,
-    model: Annotated[Path | None, typer.Option(help="Fitted model that the simulated bench runs.")] = None,
+    model: Annotated[
+        Path | None, typer.Option(parser=_path, metavar="FILE", help="Fitted model that the simulated bench runs.")
+    ] = None,
     settings: Annotated[
         list[str] | None, typer.Option("--set", metavar="PROCEDURE.NAME=VALUE", help="Set a parameter; repeatable.")
     ] = None,
@@ -120,7 +134,8 @@ def effects(as_json: Json = False) -> None:
 
 @app.command()
 def show(
-    log: Annotated[Path, typer.Argument(metavar="RUN", help="A log (.mcap or .csv).")], as_json: Json = False
+    log: Annotated[Path, typer.Argument(parser=_path, metavar="RUN", help="A log (.mcap or .csv).")],
+    as_json: Json = False,
 ) -> None:
     """Show what a log holds."""
     from rig.commands.logs import show_command
@@ -130,8 +145,11 @@ def show(
 
 @app.command()
 def recover(
-    log: Annotated[Path, typer.Argument(metavar="RUN", help="A log that was cut off (.mcap).")],
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="Where to write; default beside the log.")] = None,
+    log: Annotated[Path, typer.Argument(parser=_path, metavar="RUN", help="A log that was cut off (.mcap).")],
+    out: Annotated[
+        Path | None,
+        typer.Option("-o", "--out", parser=_path, metavar="FILE", help="Where to write; default beside the log."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Save what is readable of a log that was cut off."""
@@ -155,9 +173,14 @@ def export(
 
 @app.command("import")
 def import_(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="CSV, HDF5, MAT or Parquet files.")],
+    files: Annotated[
+        list[Path], typer.Argument(parser=_path, metavar="FILE...", help="CSV, HDF5, MAT or Parquet files.")
+    ],
     mapping: Annotated[
-        Path | None, typer.Option("--map", help="Mapping file (map.toml); not needed for contract CSV.")
+        Path | None,
+        typer.Option(
+            "--map", parser=_path, metavar="FILE", help="Mapping file (map.toml); not needed for contract CSV."
+        ),
     ] = None,
     out: Out = Path("runs"),
     as_json: Json = False,
@@ -172,7 +195,9 @@ def import_(
 def loop(
     logs: Runs,
     dut: DutFile = None,
-    base: Annotated[Path | None, typer.Option(help="Model to start from (model.json).")] = None,
+    base: Annotated[
+        Path | None, typer.Option(parser=_path, metavar="FILE", help="Model to start from (model.json).")
+    ] = None,
     held_out: Annotated[list[str] | None, typer.Option("--held-out", metavar="GLOB", help="Runs to hold out.")] = None,
     alpha: Annotated[float, typer.Option(min=1e-6, max=0.5, help="False-alarm probability.")] = 0.01,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the split and of the resampling.")] = 0,
@@ -187,7 +212,7 @@ def loop(
 
 @app.command()
 def predict(
-    model: Annotated[Path, typer.Argument(metavar="MODEL", help="A model (model.json).")],
+    model: Annotated[Path, typer.Argument(parser=_path, metavar="MODEL", help="A model (model.json).")],
     logs: Runs,
     out: Out = Path("runs/predictions"),
     as_json: Json = False,

@@ -12,13 +12,16 @@ from pathlib import Path
 from typing import Any
 
 from drivers.errors import ConfigError, Mistake, RigError
+from drivers.registry import Kind
+from drivers.signals import BY_NAME
 from drivers.types import DeviceInfo
 from procedures.intents import Result
 from procedures.plan import BenchFacts, PlannedRun, Procedure
 from rig.bench import Bench
-from rig.config.bench import Lock
+from rig.config.bench import ROLES, SIGNED_SIGNALS, BenchFile, Lock
 from rig.config.dut import Dut, Rotation
 from rig.log.names import writable_folder
+from rig.log.run import RunEvent
 from rig.log.writer import LogWriter
 from rig.operator import Operator
 from rig.provenance import git_state, operator_name, software_version
@@ -198,11 +201,12 @@ def run_jobs(session: Session, jobs: Sequence[Job]) -> tuple[JobRecord, ...]:
     plans = plan_jobs(facts, jobs)
     writable_folder(session.out)
     records = []
+    tares: dict[str, str] = {}
     for job, plan in plans:
         runs = []
         for number, planned in enumerate(plan, start=1):
             session.watcher.on_run(job.procedure.name, planned, number, len(plan))
-            record = _run(session, job, planned, facts.assumed)
+            record = _run(session, job, planned, facts.assumed, tares)
             session.watcher.on_end(record)
             runs.append(record)
             if record.error is not None:
@@ -224,16 +228,33 @@ def _repeated(plan: tuple[PlannedRun, ...], repeat: int) -> tuple[PlannedRun, ..
     )
 
 
-def _run(session: Session, job: Job, planned: PlannedRun, assumed: tuple[str, ...]) -> RunRecord:
+class _TaresNoted:
+    """A log that also keeps what each tare removed, for the runs that follow; by signal."""
+
+    def __init__(self, log: LogWriter, tares: dict[str, str]) -> None:
+        self.write = log.write
+        self.device_event = log.device_event
+        self._log = log
+        self._tares = tares
+
+    def event(self, event: RunEvent) -> None:
+        """Log an event."""
+        self._log.event(event)
+        if event.kind == "tare":
+            self._tares["output_torque"] = f"{event.text} in {self._log.path.name} at {event.time:.3f} s"
+
+
+def _run(session: Session, job: Job, planned: PlannedRun, assumed: tuple[str, ...], tares: dict[str, str]) -> RunRecord:
     bench = session.bench
     folder = session.out / SET_UP_FOLDER if planned.set_up else session.out
     file = _free_name(folder, f"{job.procedure.name}-{planned.name}")
     outcome: RunOutcome | None = None
     result, error = Result(), None
     try:
-        log = _open_log(session, job, planned, file, bench.open(), assumed)
+        log = _open_log(session, job, planned, file, bench.open(), assumed, tares)
         try:
-            outcome = execute(bench, planned.steps(), log, session.operator, session.stop, session.watcher.on_progress)
+            noting, told = _TaresNoted(log, tares), session.watcher.on_progress
+            outcome = execute(bench, planned.steps(), noting, session.operator, session.stop, told)
             error = _closed(bench, outcome.error)
             if error is None:
                 try:
@@ -266,6 +287,7 @@ def _open_log(
     file: Path,
     devices: tuple[DeviceInfo, ...],
     assumed: tuple[str, ...],
+    tares: Mapping[str, str],
 ) -> LogWriter:
     clock, provenance = session.bench.clock, session.provenance
     begin_ns = clock.epoch_ns() + round(clock.now() * 1e9)
@@ -284,6 +306,7 @@ def _open_log(
         "epoch_ns": str(begin_ns),
         "started": datetime.fromtimestamp(begin_ns / 1e9, UTC).isoformat(),
         "assumed": json.dumps(assumed) if assumed else None,
+        "calibration": json.dumps(calibration(session.bench.config, devices, tares)),
         "devices": json.dumps([_device(device) for device in devices]),
     }
     return LogWriter(
@@ -303,6 +326,32 @@ def _attachments(session: Session) -> dict[str, bytes]:
         if isinstance(path, str):
             found[f"{role}{Path(path).suffix}"] = Path(path).read_bytes()
     return found
+
+
+def calibration(
+    bench: BenchFile, devices: Sequence[DeviceInfo], tares: Mapping[str, str]
+) -> dict[str, dict[str, object]]:
+    """Give what turns each channel's raw value into the logged one: sign, step and full scale in SI, last tare.
+
+    The step is what one count means; None where the device does not tell. `tares`: what was removed, by signal.
+    """
+    known = {info.name: info for info in devices}
+    channels: dict[str, dict[str, object]] = {}
+    for role, device in bench.devices.items():
+        info = known.get(role)
+        for name in sorted(SIGNED_SIGNALS[role]):
+            # a drive tells the step of its torque, an encoder that of its angle
+            main = info if info is not None and (ROLES[role] is not Kind.DRIVE or name.endswith("_torque")) else None
+            channels[name] = {
+                "device": role,
+                "unit": BY_NAME[name].unit,
+                "sign": device.sign.get(name, 1),
+                "resolution": main.resolution if main is not None else None,
+                "full_scale": main.full_scale if main is not None else None,
+            }
+            if ROLES[role] is Kind.TORQUE_SENSOR:
+                channels[name]["tare"] = tares.get(name)
+    return channels
 
 
 def _device(info: DeviceInfo) -> dict[str, object]:

@@ -11,6 +11,7 @@ from drivers.errors import ConfigError, Mistake
 from rig.log.export import ExportKind, export_run
 from rig.log.importer import import_files
 from rig.log.load import load_run, load_runs
+from rig.log.mcap_reader import AT_IMPORT
 from rig.log.recover import recover
 from rig.log.run import Run
 from rig.log.show import Summary, describe
@@ -49,15 +50,27 @@ def export_command(paths: tuple[Path, ...], kind: str, out: Path, as_json: bool)
 def import_command(files: tuple[Path, ...], mapping: Path | None, out: Path, as_json: bool) -> None:
     """Turn foreign recordings into logs."""
     written = import_files(files, mapping, out)
+    recordings: dict[str, list[Run]] = {}
     for run in load_runs(written):
-        tell(f"{run.file}: {len(run.time)} samples, {run.time[-1]:.2f} s, {', '.join(run.signals)}")
-        _warn(run)
+        recordings.setdefault(run.metadata["source"], []).append(run)
+    for source, runs in recordings.items():
+        for run in runs:
+            tell(f"{run.file}: {len(run.time)} samples, {run.time[-1]:.2f} s, {', '.join(run.signals)}")
+        _warn(source, runs)
     _print_files(written, as_json)
 
 
-def _warn(run: Run) -> None:
-    for warning in run.warnings:
-        tell(f"{run.name}: {warning}")
+def _warn(source: str, runs: list[Run]) -> None:
+    """Tell once what holds for the whole recording, and of each run only what holds for it alone."""
+    whole = [note for note in runs[0].warnings if all(note in run.warnings for run in runs)]
+    imported = " ".join(note for note in whole if note.startswith(AT_IMPORT))
+    for note in whole:
+        if note.startswith(AT_IMPORT) or note not in imported:
+            tell(f"{source}: {note.removeprefix(AT_IMPORT)}")
+    for run in runs:
+        for note in run.warnings:
+            if note not in whole:
+                tell(f"{run.name}: {note}")
 
 
 def _print_files(files: list[Path], as_json: bool) -> None:

@@ -16,6 +16,7 @@ from procedures.registry import PROCEDURES
 from rig.bench import Bench, FixtureLock
 from rig.config.bench import BenchFile, Lock, load_bench, naming_the_bench
 from rig.config.dut import Dut, default_dut, load_dut
+from rig.config.toml_file import did_you_mean
 from rig.log.load import load_run
 from rig.loop.model_file import Model, load_model
 from rig.operator import Answered, ConsentGiven, Operator, SimulatedOperator, TerminalOperator
@@ -35,7 +36,7 @@ from rig.session import (
 )
 from rig.simulation import as_simulated, simulate
 from rig.stop import Stop
-from rig.terminal import emit, tell
+from rig.terminal import emit, shortened, tell
 
 LEAST_STEP = 60.0
 STEPS = 0.1
@@ -106,7 +107,9 @@ def run_command(names: tuple[str, ...], options: RunOptions, dry_run: bool) -> N
 def _jobs(names: tuple[str, ...], options: RunOptions) -> tuple[Job, ...]:
     """Give one job per procedure named; every unknown procedure and setting is reported at once."""
     mistakes = [
-        Mistake("PROCEDURE", name, f"unknown; there are {', '.join(PROCEDURES)}")
+        Mistake(
+            "PROCEDURE", shortened(name), f"unknown{did_you_mean(name, PROCEDURES)}; there are {', '.join(PROCEDURES)}"
+        )
         for name in names
         if name not in PROCEDURES
     ]
@@ -115,9 +118,12 @@ def _jobs(names: tuple[str, ...], options: RunOptions) -> tuple[Job, ...]:
         path, equals, value = setting.partition("=")
         procedure, dot, parameter = path.partition(".")
         if not (equals and dot):
-            mistakes.append(Mistake("--set", setting, "expected PROCEDURE.NAME=VALUE"))
+            mistakes.append(Mistake("--set", shortened(setting), "expected PROCEDURE.NAME=VALUE"))
         elif procedure not in settings:
-            mistakes.append(Mistake("--set", setting, f"'{procedure}' is not among the procedures of this run"))
+            rule = f"'{shortened(procedure)}' is not among the procedures of this run"
+            mistakes.append(Mistake("--set", shortened(setting), rule))
+        elif parameter in settings[procedure]:
+            mistakes.append(Mistake("--set", shortened(setting), f"{shortened(path)} is set twice"))
         else:
             settings[procedure][parameter] = value
     jobs = []
@@ -179,7 +185,13 @@ def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Mode
         except LimitError as error:
             raise ConfigError(
                 "dry run",
-                [Mistake(error.signal, f"{error.value:.6g} {error.unit}", f"would break the limit: {error.message}")],
+                [
+                    Mistake(
+                        error.signal,
+                        f"{error.value:.6g} {error.unit}",
+                        f"would break the limit: {error.message.rstrip('.')}",
+                    )
+                ],
                 hint="Nothing was moved. Change the procedure's parameters, or the limit if the bench can bear it.",
             ) from error
     assumed = simulated.assumed

@@ -38,6 +38,9 @@ from rig.log.wire import MESSAGE_HEAD, Columns
 IMPORT_WARNINGS = "import_warnings"
 """Key of metadata `run` under which an import tells what it noticed."""
 
+AT_IMPORT = "at import: "
+"""What a warning begins with that an import gave."""
+
 EVENT_KIND_DEVICE = "device"
 """Kind of the run events that stand for messages of a device."""
 
@@ -230,7 +233,7 @@ def _warnings(content: LogContent, unreadable: int) -> list[str]:
         notes.append(f"recovered from {recovered.get('source', 'a damaged log')[:80]}: {recovered.get('damage', '')}")
     imported = content.metadata.get("run", {}).get(IMPORT_WARNINGS, "")
     if imported:
-        notes.append(f"at import: {imported}")
+        notes.append(AT_IMPORT + imported)
     if unreadable:
         notes.append(f"{unreadable} samples could not be decoded and were left out")
     return notes

@@ -32,7 +32,8 @@ def writable_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        reason = f"cannot be made: {error.strerror or error}"
+        taken = isinstance(error, FileExistsError | NotADirectoryError)
+        reason = "is a file or lies in one" if taken else f"cannot be made: {error.strerror or error}"
         raise ConfigError(
             "-o", [Mistake("-o", str(folder)[:80], reason)], hint="Choose another folder with -o."
         ) from error

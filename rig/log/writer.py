@@ -19,7 +19,7 @@ from drivers.errors import ConfigError, DataError, Mistake
 from drivers.signals import BY_NAME
 from drivers.types import DeviceEvent, Sample
 from rig.log.mcap_file import MESSAGE_HEAD, MESSAGE_OVERHEAD, McapFile
-from rig.log.names import plain_name
+from rig.log.names import plain_name, writable_folder
 from rig.log.run import RunEvent
 from rig.log.schema import (
     EMERGENCY_TYPE,
@@ -269,8 +269,8 @@ def _refuse_bad_names(path: Path, auxiliary: Sequence[str]) -> None:
 
 
 def _create(path: Path) -> BinaryIO:
+    writable_folder(path.parent)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         return path.open("xb")
     except FileExistsError as error:
         raise ConfigError(

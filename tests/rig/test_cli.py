@@ -1,6 +1,7 @@
 """The commands as their user meets them: exit code, one paragraph on stderr, results on stdout."""
 
 import json
+import math
 import os
 import re
 import shlex
@@ -13,11 +14,14 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from drivers.clock import RealClock
+from drivers.signals import BY_NAME
 from drivers.types import Sample
 from rig.cli import app
-from rig.config.bench import load_bench
+from rig.config.bench import BenchFile, load_bench
+from rig.config.toml_file import parse_toml
 from rig.log.load import load_run, load_runs
 from rig.log.writer import LogWriter
+from rig.session import calibration
 
 SHORT_BACKDRIVE = ["--set", "backdrive.dwell=0.5", "--set", "backdrive.start_angles=1", "--set", "backdrive.repeats=1"]
 TOO_MUCH = ["--set", "locked-output.peak_torque=0.17"]
@@ -52,13 +56,42 @@ def test_a_run_logs_the_measurement_and_its_set_up_apart(campaign):
 
 def test_a_log_carries_its_provenance(campaign):
     (run,) = load_runs([campaign])
-    for key in ("run_id", "procedure", "parameters", "operator", "dut", "bench", "backend", "software", "started"):
+    for key in (
+        "run_id",
+        "procedure",
+        "parameters",
+        "operator",
+        "dut",
+        "bench",
+        "backend",
+        "software",
+        "started",
+        "calibration",
+    ):
         assert run.metadata[key], key
     assert run.metadata["outcome.status"] == "done"
     assert run.metadata["outcome.safe_state_confirmed"] == "true"
     assert json.loads(run.metadata["outcome.measurements"])
     assert "SHD-17-100" in run.dut_text
     assert 'name = "sim"' in run.bench_text
+
+
+def test_a_log_says_how_each_channel_came_to_its_value(tmp_path):
+    answer = rig("run", "locked-output", *SHORT_SWEEP, "--set", "locked-output.tare=true", "-o", tmp_path)
+    assert answer.exit_code == 0, answer.stderr
+    (run,) = load_runs([tmp_path])
+    channels = json.loads(run.metadata["calibration"])
+    for name in ("motor_position", "motor_torque", "load_torque", "output_position", "output_torque"):
+        assert (channels[name]["sign"], channels[name]["unit"]) == (1, BY_NAME[name].unit)
+    assert channels["output_position"]["resolution"] == pytest.approx(2 * math.pi / 524288)
+    assert channels["motor_torque"]["resolution"] == pytest.approx(0.188e-3, rel=0.01)
+    assert channels["motor_position"]["resolution"] is None
+    assert re.match(r"removed \S+ N\*m in locked-output-set-up", channels["output_torque"]["tare"])
+    sets_up = [json.loads(set_up.metadata["calibration"]) for set_up in load_runs([tmp_path / "set-up"])]
+    assert None in [channels["output_torque"]["tare"] for channels in sets_up]
+    text = load_bench("sim")[1].replace("[limits]", "[devices.load.sign]\nload_torque = -1\n[limits]")
+    turned = calibration(parse_toml(text, BenchFile, "bench.toml"), (), {})
+    assert (turned["load_torque"]["sign"], turned["load_position"]["sign"]) == (-1, 1)
 
 
 def test_a_second_run_into_one_folder_overwrites_nothing(campaign, tmp_path):
@@ -148,6 +181,16 @@ def test_a_dry_run_refuses_what_would_break_a_limit_of_a_real_bench(tmp_path):
     assert answer.exit_code == 2
     assert "output_torque" in answer.stderr
     assert "12" in answer.stderr
+    assert ".." not in answer.stderr
+
+
+def test_a_file_in_the_place_of_the_set_up_folder_is_named(tmp_path):
+    (tmp_path / "set-up").write_text("mine")
+    answer = rig("run", "locked-output", *SHORT_SWEEP, "-o", tmp_path)
+    assert answer.exit_code == 2
+    assert "set-up" in answer.stderr
+    assert "is a file" in answer.stderr
+    assert "overwritten" not in answer.stderr
 
 
 def test_a_real_bench_does_not_move_without_a_device_under_test(tmp_path):
@@ -185,6 +228,16 @@ def test_a_limit_hit_in_motion_ends_with_code_3_and_a_complete_log(tmp_path):
         (["run", "free-run", "--dut", "none.toml"], ["none.toml"]),
         (["run", "free-run", "--model", "none.json"], ["none.json"]),
         (["export", ".", "--to", "xlsx"], ["xlsx", "hdf5"]),
+        (["run", "free-run", "--set", "free-run.dwell=1_0"], ["free-run.dwell = '1_0'", "a number"]),
+        (["run", "free-run", "--set", "free-run.repeats=１"], ["free-run.repeats", "a whole number"]),
+        (["run", "free-run", "--set", f"free-run.dwell={'1' * 5000}"], ["free-run.dwell = '1111", "1...'"]),
+        (["run", "free-run", "--set", f"{'1' * 5000}"], ["PROCEDURE.NAME=VALUE"]),
+        (["run", "free-run", "--set", "free-run.dwell=2", "--set", "free-run.dwell=3"], ["dwell=3", "set twice"]),
+        (["run", "fre-run"], ["fre-run", "did you mean free-run?"]),
+        (["run", "free-run", "-o", ""], ["-o", "expected a path"]),
+        (["run", "free-run", "--dut", ""], ["--dut", "expected a path"]),
+        (["run", "free-run", "--bench", ""], ["--bench", "expected a bench file"]),
+        (["show", ""], ["RUN", "expected a path"]),
         (["proceduers"], ["proceduers", "did you mean 'procedures'?"]),
         (["loop", ".", "--alpha", "nan"], ["--alpha = 'nan'", "0.5", "rig loop --help"]),
         (["run", "free-run", "--repeat=0"], ["--repeat = '0'", "greater than or equal to 1"]),
@@ -198,6 +251,8 @@ def test_wrong_use_is_one_paragraph_and_code_2(arguments, words):
     assert answer.exit_code == 2
     assert answer.stdout == ""
     assert len(answer.stderr.splitlines()) == 1
+    assert len(answer.stderr) < 1000
+    assert not re.search(r"[^.]\.\.(\s|$)|\.;", answer.stderr)
     for word in words:
         assert word in answer.stderr
 
@@ -264,6 +319,27 @@ def test_a_cut_off_log_is_shown_and_recovered(campaign, tmp_path):
     assert json.loads(shown.stdout)["complete"] is False
     assert rig("recover", cut, "-o", tmp_path / "saved.mcap").exit_code == 0
     assert len(load_run(tmp_path / "saved.mcap").time) == json.loads(shown.stdout)["samples"]
+
+
+def test_what_holds_for_a_whole_recording_is_told_once(tmp_path):
+    rows = "".join(f"{index // 2},{index}\n" for index in range(40))
+    table = broken(tmp_path, "x.csv", f"time[s],motor_torque[N*m]\n{rows}".encode())
+    rules = broken(tmp_path, "map.toml", b'[run.split]\nby = "time"\nblocks = 4\n')
+    answer = rig("import", table, "--map", rules, "-o", tmp_path / "out")
+    assert answer.exit_code == 0, answer.stderr
+    assert len(answer.stdout.splitlines()) == 4
+    assert answer.stderr.count("merged by mean") == 1
+    assert answer.stderr.count("no procedure is stated") == 1
+    assert "x.csv: 20 samples with the time stamp of the one before" in answer.stderr
+
+
+def test_what_holds_for_one_run_of_a_recording_is_told_of_it(tmp_path):
+    times = [0, 1, 2, 3, 4, 5, 6, 7, 8, 20, 21, 22]
+    table = broken(tmp_path, "x.csv", b"t,tau\n" + "".join(f"{time},{time}\n" for time in times).encode())
+    rules = b'[signals.time]\ncolumn = "t"\n[signals.motor_torque]\ncolumn = "tau"\n[run.split]\nby = "time"\n'
+    answer = rig("import", table, "--map", broken(tmp_path, "m.toml", rules + b"period = 21\n"), "-o", tmp_path / "out")
+    assert "x-01: 1 gap" in answer.stderr
+    assert "x-02: 1 gap" not in answer.stderr
 
 
 def test_a_recovered_log_is_never_written_over_another(campaign, tmp_path):
