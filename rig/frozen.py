@@ -4,7 +4,7 @@ A device may repeat its reading for as long as nothing happens: an encoder at re
 mille. Silence is therefore judged against what must be seen:
 
     device          while                 must change when
-    motor, load     the axis is driven    its setpoint changes, or another shaft turns
+    motor, load     the axis is driven    its setpoint changes (not at its own torque limit), or another shaft turns
     output encoder  always                the load drive turns, or the motor by a whole turn
     torque sensor   always                the motor's or the load's torque changes and is held by something
 
@@ -20,6 +20,10 @@ from operator import attrgetter
 from drivers.errors import ReadingError
 from drivers.signals import BY_NAME
 from drivers.types import Axis, Limits, Mode, Sample, Setpoint
+
+STATUS_WORD = {Axis.MOTOR: "status_word", Axis.LOAD: "load_status_word"}
+INTERNAL_LIMIT = 1 << 11
+"""Bit of the CiA 402 status word."""
 
 CHECK_TIME = 0.01
 """s between two looks."""
@@ -98,8 +102,10 @@ class FrozenWatch:
                 continue
             if device.changed(sample):
                 command.start(setpoint, sample.time)
-            else:
-                device.judge(sample, command.follow(setpoint, sample.time))
+                continue
+            told = command.follow(setpoint, sample.time)
+            # a drive at its own torque limit shows one torque whatever it is told
+            device.judge(sample, "" if _limited(getattr(sample, STATUS_WORD[axis])) else told)
         for sensor in self._sensors:
             if not sensor.changed(sample):
                 sensor.judge(sample, "")
@@ -181,6 +187,10 @@ class _Device:
                 return ""
             return f"{cause.signal} changed by {change:.3g} {BY_NAME[cause.signal].unit}"
         return ""
+
+
+def _limited(word: int | None) -> bool:
+    return word is not None and bool(word & INTERNAL_LIMIT)
 
 
 def _change(signal: str, then: Sample, now: Sample) -> float:

@@ -161,7 +161,7 @@ def test_a_dry_run_tells_the_planned_time_before_it_starts(tmp_path):
 
 
 def test_without_a_terminal_a_long_run_tells_how_far_it_is(tmp_path):
-    settings = ["backdrive.dwell=70", "backdrive.start_angles=1", "backdrive.repeats=1", "backdrive.amplitudes=0.1"]
+    settings = ["backdrive.dwell=70", "backdrive.start_angles=1", "backdrive.repeats=1", "backdrive.amplitudes=0.2"]
     answer = rig("run", "backdrive", *(word for text in settings for word in ("--set", text)), "-o", tmp_path)
     assert answer.exit_code == 0, answer.stderr
     lines = [line for line in answer.stderr.splitlines() if line.startswith("backdrive ")]

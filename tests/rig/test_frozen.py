@@ -44,6 +44,13 @@ def test_a_quiet_bench_may_repeat_its_readings_for_a_minute() -> None:
         watch.look(sample, hold(Setpoint(Mode.TORQUE, 0.01), Setpoint(Mode.POSITION, 0.5)))
 
 
+def test_a_drive_at_its_own_torque_limit_is_not_frozen() -> None:
+    watch = FrozenWatch(LIMITS)
+    for k in range(100):
+        sample = STILL._replace(time=k * CHECK_TIME, cycle=k, motor_torque=0.15, status_word=0x1237 | 1 << 11)
+        watch.look(sample, hold(Setpoint(Mode.TORQUE, 0.15 + 1e-3 * k)))
+
+
 def test_a_released_drive_need_not_follow_a_shaft_that_somebody_turns() -> None:
     watch = FrozenWatch(LIMITS)
     for sample in looks(500, output_position=0.5):
