@@ -181,7 +181,22 @@ def _from_replicates(found: Sequence[tuple[Residual, Residual]], wanted: Sequenc
     rms = scale * math.sqrt(mean_square)
     least = max(LEAST_SPREAD, ONE_PAIR_SPREAD / math.sqrt(between.size))
     relative = max(least, abs(scale - 1.0), 0.5 * spread / mean_square if mean_square > 0 else 0.0)
+    # the runs in question are a sample as well: by chance they may hold less noise than the replicates
+    relative = math.hypot(relative, _own_spread(wanted))
     return Floor(rms, rms * max(1.0 - relative, 0.0), rms * (1.0 + relative), True)
+
+
+def _own_spread(wanted: Sequence[Residual]) -> float:
+    """Give the relative 95 % half width of the rms of the residuals `wanted`, from blocks of time."""
+    squares: list[float] = []
+    for residual in wanted:
+        starts = np.flatnonzero(np.diff(np.floor(residual.time / BLOCK), prepend=-1.0))
+        counts = np.diff(np.append(starts, residual.time.size))
+        squares += (np.add.reduceat(residual.values**2, starts) / counts).tolist() if starts.size else []
+    mean = float(np.mean(squares)) if squares else 0.0
+    if len(squares) < 2 or mean == 0.0:
+        return 0.0
+    return 0.5 * 1.96 * float(np.std(squares, ddof=1)) / math.sqrt(len(squares)) / mean
 
 
 def _computed(wanted: Sequence[Residual], dut: Dut, model: Model) -> Floor | None:

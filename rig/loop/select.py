@@ -15,6 +15,7 @@ import numpy as np
 
 from rig.loop.equations import Equation, Piece
 from rig.loop.fit import Fit, fit, fit_stably, with_noise
+from rig.loop.intervals import covariance, quantile
 from rig.loop.lines import Peak, Spectrum, peaks, refine, scan
 from rig.loop.model import Model
 from rig.loop.result import Candidate, Verdict
@@ -422,9 +423,18 @@ def _withdraw(
         )
         without = fit(pieces, replace(current.model, lines=others), current.noise, passes=3, block=current.block)
         trial = try_line(prepare(without), here.kind, here.order)
-        if near or trial.single_p > alpha or trial.pays <= 0.0:
+        if near or trial.single_p > alpha or trial.pays <= 0.0 or _may_be_nothing(current, here):
             current = refit(pieces, current, without.model)
     return current, decisions
+
+
+def _may_be_nothing(state: Fit, line: Line) -> bool:
+    """Whether the interval of a line's amplitude holds zero, now that the others are there too."""
+    place = state.columns.of_line(state.model.lines.index(line)).start
+    size = max(line.amplitude, 1e-300)
+    direction = np.array([line.sine, line.cosine]) / size
+    pair = covariance(state)[place : place + 2, place : place + 2]
+    return size < quantile(state) * math.sqrt(max(float(direction @ pair @ direction), 0.0))
 
 
 def _resolution(state: Fit, kind: TermClass) -> float:
