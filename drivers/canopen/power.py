@@ -170,7 +170,7 @@ class PowerStage:
         listed = cia402.describe_modes(supported) if supported is not None else "not told by the drive"
         return DriveFaultError(
             self._name,
-            f"refused mode {mode} (0x6060 = {cia402.MODE_CODES[mode]}): {how}; supported modes: {listed}",
+            f"refused mode {mode} (0x6060 = {cia402.MODE_CODES[mode]}): {how.rstrip('.')}; supported modes: {listed}",
             state=str(self.state()),
             hint="Use a mode that the drive supports, or set it up for cyclic synchronous operation.",
         )
