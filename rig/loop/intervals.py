@@ -18,6 +18,7 @@ from scipy.stats import t as student
 from rig.loop.equations import Law, Piece
 from rig.loop.fit import Fit
 from rig.loop.normal import solve
+from rig.loop.ripple import RESOLVED
 
 Floats = NDArray[np.float64]
 
@@ -62,10 +63,35 @@ def _unsure_ripple(state: Fit) -> Floats:
             pair = item.jacobian[:, state.columns.of_line(number)][:, :2]
             for speed in np.unique(track.speed[rows]):
                 leg = track.speed[rows] == speed
+                if not np.any(track.ripple.position[rows][leg]):
+                    continue
                 error = inertia * (line.order * speed) ** 2 * float(track.ripple.noise[rows][leg].max())
                 scores = item.weight * error * item.jacobian[leg].T @ pair[leg]
                 found += scores @ scores.T
     return found
+
+
+def hidden_share(state: Fit, number: int) -> float:
+    """Give the share of a torque line that the rotor may take up unseen, because its ripple drowns in the encoder.
+
+    The least over all legs: there the line is known best. 0 for a line that is no torque of the motor angle, and where
+    no leg has lines. Below `RESOLVED` times its noise a ripple is not corrected for.
+    """
+    line = state.model.lines[number]
+    if line.kind.variable != "motor_position" or line.kind.entry.is_angle:
+        return 0.0
+    inertia = abs(state.model.value("J_r"))
+    found = []
+    for item in state.linear:
+        track, rows = item.piece.track, item.piece.index
+        if item.piece.law is not Law.FREE_RUN or track.ripple is None:
+            continue
+        for speed in np.unique(track.speed[rows]):
+            leg = track.speed[rows] == speed
+            noise = float(track.ripple.noise[rows][leg].max())
+            resolved = bool(np.any(track.ripple.position[rows][leg]))
+            found.append(inertia * (line.order * speed) ** 2 * noise * (1.0 if resolved else RESOLVED))
+    return min(found, default=0.0) / max(line.amplitude, 1e-300)
 
 
 def _unsure_zeros(state: Fit) -> Floats:
@@ -85,7 +111,8 @@ def _unsure_zeros(state: Fit) -> Floats:
         # the fit has taken one common turn out of them; of few runs the spread is itself hardly known
         freedom = turn.size - 1
         few = student.ppf(0.975, freedom) / student.ppf(0.975, 1000)
-        excess = few**2 * float((turn**2 - 1.0 / informs[seen]).sum()) / freedom
+        noise = 1.0 / informs[seen] - 1.0 / float(informs.sum())
+        excess = few**2 * float((turn**2 - noise).sum()) / freedom
         if excess > 0.0:
             found += excess * sum(np.outer(scores, scores) for _, _, scores in turned)
     return found

@@ -80,7 +80,7 @@ def scan(items: Sequence[LinearPiece], variable: str, *, against_motion: bool = 
     moving = steps[steps > 0]
     finest = float(np.percentile(moving, 25)) if moving.size else travel
     sampled = 0.45 * 2.0 * np.pi / finest
-    highest = min(HIGHEST_ORDER, sampled if _one_speed(items) else max(USUAL_HIGHEST_ORDER, sampled))
+    highest = min(HIGHEST_ORDER, sampled if one_speed(items) else max(USUAL_HIGHEST_ORDER, sampled))
     width = max(2.0 * np.pi / (BINS_A_CYCLE * highest), travel / MOST_BINS)
     bins = np.minimum((angle - low) / width, MOST_BINS).astype(np.int64)
     summed = np.bincount(bins, weights=value)
@@ -92,7 +92,7 @@ def scan(items: Sequence[LinearPiece], variable: str, *, against_motion: bool = 
     return Spectrum(orders[keep], power[keep], resolution, max(1.0, 2.0 * highest / resolution))
 
 
-def _one_speed(items: Sequence[LinearPiece]) -> bool:
+def one_speed(items: Sequence[LinearPiece]) -> bool:
     """Whether all turning samples were taken at one speed."""
     speeds = [np.abs(item.piece.track.speed[item.piece.index]) for item in items if item.piece.track.moves]
     if not speeds:

@@ -5,7 +5,7 @@ is reported as `untraced` with its evidence.
 """
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 
 import numpy as np
 
@@ -158,7 +158,7 @@ def _worse(selection: Selection, equations: Mapping[str, EquationResult]) -> lis
 
 
 def _above_floor(
-    residuals: Sequence[Residual], equations: Mapping[str, EquationResult], known: Collection[tuple[Json, Json]]
+    residuals: Sequence[Residual], equations: Mapping[str, EquationResult], known: Set[tuple[Json, Json]]
 ) -> list[Open]:
     """Report what is left far above the floor where no other statement does; `known`: (equation, procedure) there.
 
@@ -168,7 +168,7 @@ def _above_floor(
     for (name, procedure), members in _by_procedure(residuals).items():
         whole = equations[name].held_out or equations[name].train
         errors = whole.by_procedure.get(procedure) if whole is not None else None
-        if errors is None or errors.floor_ci95 is None or (name, procedure) in known:
+        if errors is None or errors.floor_ci95 is None or known & {(name, procedure), (name, None)}:
             continue
         left, high = _without_outliers(members), errors.floor_ci95[1]
         if left > ABOVE_FLOOR * high:
@@ -186,7 +186,8 @@ def _above_floor(
 def _without_outliers(residuals: Sequence[Residual]) -> float:
     """Give the rms of the residuals, each value counted up to `OUTLIER` times their typical size."""
     values = np.abs(np.concatenate([residual.values for residual in residuals]))
-    bound = OUTLIER * MEDIAN_TO_SIGMA * float(np.median(values))
+    typical = float(np.median(values)) or float(np.sqrt(np.mean(values**2)))
+    bound = OUTLIER * MEDIAN_TO_SIGMA * typical
     return float(np.sqrt(np.mean(np.minimum(values, bound) ** 2)))
 
 

@@ -68,7 +68,7 @@ def speed_ripple(time: Floats, position: Floats, torque: Floats, leg_speed: Floa
 
 
 def _of_leg(time: Floats, position: Floats, torque: Floats) -> tuple[Floats, Floats, float] | None:
-    """Give acceleration and position (n,) of the ripple, and its noise; None where no line stands out of it."""
+    """Give acceleration and position (n,) of the ripple, and its noise; None where the torque has no line."""
     steps = np.diff(time)
     period = float(np.median(steps))
     if np.any(np.abs(steps - period) > 0.01 * period):
@@ -91,7 +91,7 @@ def _of_leg(time: Floats, position: Floats, torque: Floats) -> tuple[Floats, Flo
         wave = columns[:, pair] @ amplitudes[pair]
         ripple += wave
         acceleration -= (2.0 * np.pi * frequency) ** 2 * wave
-    return (acceleration, ripple, noise) if np.any(ripple) else None
+    return acceleration, ripple, noise
 
 
 def _lines(values: Floats, period: float) -> list[float]:

@@ -134,7 +134,7 @@ def select(pieces: Sequence[Piece], base: Fit, alpha: float) -> Selection:
         decision, current = accepted
         if all(decision.kind != earlier.kind for earlier in decisions):
             decisions.append(decision)
-    current, decisions = _withdraw(pieces, current, decisions, alpha)
+    current = _withdraw(pieces, current, alpha)
     kept = {line.kind for line in current.model.lines}
     return Selection(current, tuple(d for d in decisions if d.kind in kept), tuple(unadded.values()))
 
@@ -407,14 +407,12 @@ def _classes(
     return [_Proposal(kind, order, resolution) for kind in kinds]
 
 
-def _withdraw(
-    pieces: Sequence[Piece], current: Fit, decisions: list[Decision], alpha: float
-) -> tuple[Fit, list[Decision]]:
+def _withdraw(pieces: Sequence[Piece], current: Fit, alpha: float) -> Fit:
     """Take out lines that no longer pay beside the others, or have moved onto another."""
     for line in sorted(current.model.lines, key=lambda line: line.amplitude):
         present = current.model.lines
         matches = [x for x in present if x.kind == line.kind and abs(x.order - line.order) < 1e-3 * line.order]
-        if len(present) < 2 or not matches:
+        if not matches:
             continue
         here = min(matches, key=lambda x: abs(x.amplitude - line.amplitude))
         others = tuple(x for x in present if x is not here)
@@ -425,7 +423,7 @@ def _withdraw(
         trial = try_line(prepare(without), here.kind, here.order)
         if near or trial.single_p > alpha or trial.pays <= 0.0 or _may_be_nothing(current, here):
             current = refit(pieces, current, without.model)
-    return current, decisions
+    return current
 
 
 def _may_be_nothing(state: Fit, line: Line) -> bool:

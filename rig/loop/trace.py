@@ -18,6 +18,8 @@ from rig.loop.checks import check_gear, check_magnitudes, check_signs
 from rig.loop.equations import FEWEST_SAMPLES, Equation, Law, Piece, pieces_of
 from rig.loop.fit import BLOCK, Fit, fit, fit_stably, reweighted
 from rig.loop.frames import turned
+from rig.loop.intervals import hidden_share
+from rig.loop.lines import one_speed
 from rig.loop.metrics import Floor, Residual, errors, floor_of, pooled, residual_of
 from rig.loop.model import Model, predict
 from rig.loop.model_file import Model as ModelFile
@@ -41,6 +43,9 @@ MANY_BLOCKS = 200
 SHORTEST_BLOCK = 0.25
 """Blocks of time that a short campaign is cut into, and their length (s) at least: with few blocks nothing is
 significant, however clear it is."""
+
+LEAST_HIDDEN = 0.05
+"""Share of a torque line that may hide in the rotor's motion and is then said."""
 
 VIEW_POINTS = 6000
 """Samples of a residual that a plot can show."""
@@ -93,7 +98,12 @@ def trace(
     }
     steps = steps_of(selection.decisions, final, base, dut, changes)
     entries = [decision.kind.entry for decision in selection.decisions]
-    warnings = (*campaign.warnings, *_remarks([*train, *held_out], runs, dut, final.model), *_unadded(selection))
+    warnings = (
+        *campaign.warnings,
+        *_doubts(final),
+        *_remarks([*train, *held_out], runs, dut, final.model),
+        *_unadded(selection),
+    )
     if math.isfinite(fastest):
         text = f"Motor torque of legs faster than {fastest:.4g} rad/s left out: how the drive follows lines is unknown."
         warnings = (*warnings, text)
@@ -323,6 +333,22 @@ def _remarks(tracks: Sequence[Track], runs: Sequence[Run], dut: Dut, model: Mode
 _MEASURED = ("motor_position", "output_position", "motor_torque", "motor_current", "output_torque")
 _HELD = {ProcedureName.LOCKED_OUTPUT: "output_position", ProcedureName.BACKDRIVE: "motor_position"}
 """What a procedure holds may well be constant."""
+
+
+def _doubts(final: Fit) -> list[str]:
+    """Say what the legs cannot tell about the lines that were added."""
+    found = []
+    turning = [line for line in final.model.lines if line.kind.variable == "motor_position"]
+    if turning and one_speed(final.linear):
+        found.append("All legs turn at one speed: a line above half of what the log samples looks like a lower order.")
+    for number, line in enumerate(final.model.lines):
+        share = hidden_share(final, number)
+        if share > LEAST_HIDDEN:
+            found.append(
+                f"Of the line of order {line.order:.6g} the rotor may take up {100 * share:.2g} % unseen: its ripple "
+                f"drowns in the encoder's counts. A slower leg tells more."
+            )
+    return found
 
 
 def _unadded(selection: Selection) -> list[str]:
