@@ -33,8 +33,8 @@ TOP_SPEED = 200.0
 SPEED_SHARE = 0.8
 """Share of the bench's speed limit that a speed from the bench may use."""
 
-LADDER = (0.125, 0.25, 0.5, 1.0)
-"""Speeds from the bench, in shares of the fastest."""
+LADDER = (0.125, 0.235, 0.485, 1.0)
+"""Speeds from the bench, in shares of the fastest; no multiples of each other, which would share their aliases."""
 
 LOAD_TIME = 1.0
 """Time in which a load torque is put on and taken off again, s."""
@@ -49,7 +49,11 @@ class FreeRun:
 
     dwell: float = parameter(5.0, "s", 0.5, 600.0, "quiet dwell with released motor before each run")
     speeds: tuple[float, ...] = parameter(
-        (), "rad/s", 0.01, 2000.0, "motor speeds, both ways; empty: 1/8, 1/4, 1/2 and 1 of 200 rad/s or 80 % of limit"
+        (),
+        "rad/s",
+        0.01,
+        2000.0,
+        "motor speeds, both ways; empty: 0.125, 0.235, 0.485 and 1 of 200 rad/s or 80 % of limit",
     )
     turns: int = parameter(2, "1", 1, 1000, "whole output turns per leg")
     acceleration: float = parameter(100.0, "rad/s^2", 0.1, 1e5, "speed ramps of the motor")

@@ -26,7 +26,7 @@ STIFFNESS_DEVIATION = 0.10
 
 STIFFNESS_GROUP = ("fixture-compliance", "flexspline-compliance", "torque-constant-error", "torque-sensor-gain")
 
-ABOVE_FLOOR = 1.25
+ABOVE_FLOOR = 1.5
 """Times the upper end of the floor's interval beyond which what is left is no longer noise."""
 
 OUTLIER = 5.0

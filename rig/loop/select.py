@@ -13,10 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rig.loop.aliases import aliases, beats, likeliest, samplings
 from rig.loop.equations import Equation, Piece
 from rig.loop.fit import Fit, fit, fit_stably, with_noise
 from rig.loop.intervals import covariance, quantile
-from rig.loop.lines import Peak, Spectrum, peaks, refine, scan
+from rig.loop.lines import USUAL_HIGHEST_ORDER, Peak, Spectrum, peaks, refine, scan
 from rig.loop.model import Model
 from rig.loop.result import Candidate, Verdict
 from rig.loop.rivals import rivals_of_an_angle
@@ -178,6 +179,10 @@ def _candidates(ground: Ground) -> list[_Candidate]:
         if order is None:
             gain_at = functools.partial(line_gain, ground, proposal.kind)
             order, tests = refine(gain_at, proposal.order, proposal.resolution), free_tests
+            legs = samplings(ground.fit.linear, proposal.kind.variable)
+            chosen = likeliest(order, aliases(order, USUAL_HIGHEST_ORDER, legs), legs)
+            if chosen != order and gain_at(chosen) >= SET_SHARE * gain_at(order):
+                order = refine(gain_at, chosen, proposal.resolution)
         trial = try_line(ground, proposal.kind, order)
         found.append(_Candidate(trial, replace(proposal, order=order), tests))
     return sorted(found, key=lambda candidate: -candidate.trial.gain)
@@ -198,6 +203,13 @@ def _judge(
         return None
     kinds = {decision.kind for decision in decisions}
     why, unpaid = _objection(trial, room=proposal.kind in kinds or len(kinds) < MOST_CLASSES), _unpaid(trial)
+    legs = samplings(ground.fit.linear, proposal.kind.variable)
+    if (
+        not why
+        and proposal.kind.fixed_order is None
+        and beats(proposal.order, ground.fit.linear, proposal.kind.variable, legs)
+    ):
+        why = "it is the encoder's counts beating with the samples"
     # a strong term bends the base so far that only a joint refit can tell whether it pays
     if why or (unpaid and not large):
         return candidate.unadded(candidate.p_value, why or unpaid) if significant else None

@@ -13,13 +13,14 @@ from drivers.clock import Clock, RealClock
 from drivers.errors import DataError
 from rig.config.dut import Dut
 from rig.log.run import ProcedureName, Run
+from rig.loop.aliases import aliases, samplings
 from rig.loop.campaign import LoopOptions, split_runs
 from rig.loop.checks import check_gear, check_magnitudes, check_signs
 from rig.loop.equations import FEWEST_SAMPLES, Equation, Law, Piece, pieces_of
 from rig.loop.fit import BLOCK, Fit, fit, fit_stably, reweighted
 from rig.loop.frames import turned
 from rig.loop.intervals import hidden_share
-from rig.loop.lines import one_speed
+from rig.loop.lines import USUAL_HIGHEST_ORDER
 from rig.loop.metrics import Floor, Residual, errors, floor_of, pooled, residual_of
 from rig.loop.model import Model, predict
 from rig.loop.model_file import Model as ModelFile
@@ -338,10 +339,15 @@ _HELD = {ProcedureName.LOCKED_OUTPUT: "output_position", ProcedureName.BACKDRIVE
 def _doubts(final: Fit) -> list[str]:
     """Say what the legs cannot tell about the lines that were added."""
     found = []
-    turning = [line for line in final.model.lines if line.kind.variable == "motor_position"]
-    if turning and one_speed(final.linear):
-        found.append("All legs turn at one speed: a line above half of what the log samples looks like a lower order.")
     for number, line in enumerate(final.model.lines):
+        legs = samplings(final.linear, line.kind.variable)
+        others = aliases(line.order, USUAL_HIGHEST_ORDER, legs) if line.kind.fixed_order is None else ()
+        if others:
+            same = ", ".join(f"{order:.6g}" for order in others[:6])
+            found.append(
+                f"These legs cannot tell the order {line.order:.6g} of {line.kind.variable} from {same}; speeds that "
+                f"are no multiples of each other, or faster sampling, would."
+            )
         share = hidden_share(final, number)
         if share > LEAST_HIDDEN:
             found.append(

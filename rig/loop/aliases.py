@@ -1,0 +1,120 @@
+"""Which orders a campaign cannot tell apart, because every leg samples them alike.
+
+A leg at constant speed, or sampled at constant steps of the angle, takes S samples a revolution: orders k and m S +- k
+look the same in it. At several speeds most of these differ from leg to leg; what remains in all of them is an alias.
+It happens where all legs have one speed, where speeds are multiples of each other, and where the angle triggers the
+samples.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rig.loop.normal import LinearPiece
+
+FEWEST_SAMPLES = 50
+
+WHOLE = 3.0
+"""Resolutions within which an order counts as whole; teeth, poles and slots are whole."""
+
+SPEED_ERROR = 2e-6
+"""Relative error to which a leg's samples a revolution are known: about one count over a leg."""
+
+HARMONICS = 3
+FINEST_STEP = 1e-6
+"""Harmonics of an encoder's sawtooth that are looked at, and rad below which a difference is no count."""
+
+DRIFT = 0.2
+"""Cycles by which two orders may part over a leg and still look alike in it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sampling:
+    """One leg: samples a revolution of the angle, and the revolutions it covers."""
+
+    per_turn: float
+    turns: float
+
+
+def samplings(items: Sequence[LinearPiece], variable: str) -> tuple[Sampling, ...]:
+    """Give the sampling of every turning leg that has this angle."""
+    found = []
+    for item in items:
+        position = item.evaluation.positions.get(variable)
+        if position is None or not item.piece.track.moves:
+            continue
+        speed = item.piece.track.speed[item.piece.index]
+        for leg in np.unique(speed):
+            angle = position[item.piece.index][speed == leg]
+            step = float(np.abs(np.median(np.diff(angle)))) if angle.size >= FEWEST_SAMPLES else 0.0
+            if step > 0.0:
+                # the mean step is known far better than one count, as long as no gap lies between
+                whole = np.abs(np.diff(angle)) < 2.0 * step
+                mean = float(np.abs(np.mean(np.diff(angle)[whole])))
+                found.append(Sampling(2.0 * np.pi / mean, float(np.ptp(angle)) / (2.0 * np.pi)))
+    return tuple(found)
+
+
+def alike(one: float, other: float, legs: Sequence[Sampling]) -> bool:
+    """Whether no leg can tell two orders apart."""
+    unsure = SPEED_ERROR * max(one, other)
+    return bool(legs) and all(
+        min(_away(one - other, leg), _away(one + other, leg)) < DRIFT / leg.turns + unsure for leg in legs
+    )
+
+
+def aliases(order: float, highest: float, legs: Sequence[Sampling]) -> tuple[float, ...]:
+    """Give the orders up to `highest` that look like `order` in every leg, lowest first, without itself."""
+    if not legs:
+        return ()
+    finest = max(legs, key=lambda leg: leg.turns)
+    most = int((highest + order) / finest.per_turn) + 1
+    folded = {abs(sign * order + m * finest.per_turn) for m in range(-most, most + 1) for sign in (1.0, -1.0)}
+    apart = 1.0 / finest.turns
+    found = [k for k in sorted(folded) if 0.5 * apart < k <= highest and abs(k - order) > apart]
+    return tuple(k for k in found if alike(k, order, legs))
+
+
+def likeliest(order: float, others: Sequence[float], legs: Sequence[Sampling]) -> float:
+    """Choose among orders that look alike: the lowest whole one, or the lowest of all where none is whole."""
+    if not legs:
+        return order
+    width = WHOLE / max(leg.turns for leg in legs)
+    every = sorted((order, *others))
+    whole = [k for k in every if abs(k - round(k)) < min(width, 0.05) and round(k) > 0]
+    return (whole or every)[0]
+
+
+def beats(order: float, items: Sequence[LinearPiece], variable: str, legs: Sequence[Sampling]) -> bool:
+    """Whether a line is an encoder's counts beating with the samples: a sawtooth of the angle, not a cause."""
+    counts = _counts(items, variable)
+    return counts is not None and any(alike(order, m * counts, legs) for m in range(1, HARMONICS + 1))
+
+
+def _counts(items: Sequence[LinearPiece], variable: str) -> float | None:
+    """Give the counts per revolution that an angle comes in, None where no steps are seen."""
+    found = []
+    for item in items:
+        position = item.evaluation.positions.get(variable)
+        if position is not None and item.piece.track.moves:
+            steps = np.abs(np.diff(position[item.piece.index]))
+            found.append(steps[steps > FINEST_STEP])
+    steps = np.sort(np.concatenate(found)) if found else np.zeros(0)
+    gaps = np.diff(steps, prepend=0.0)
+    gaps = gaps[gaps > FINEST_STEP]
+    if not gaps.size:
+        return None
+    # a first guess from the smallest difference of steps, then the best fit to all of them
+    count = float(gaps.min())
+    for _ in range(3):
+        times = np.round(steps / count)
+        count = float((steps @ times) / (times @ times))
+    spread = float(np.sqrt(np.mean((steps - count * np.round(steps / count)) ** 2)))
+    return None if spread > 0.1 * count else float(round(2.0 * math.pi / count))
+
+
+def _away(order: float, leg: Sampling) -> float:
+    """Give how far an order is from a multiple of the samples a revolution."""
+    return abs(order - leg.per_turn * round(order / leg.per_turn))
