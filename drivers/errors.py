@@ -207,7 +207,7 @@ class AbortedError(RigError):
         self.by = by
         self.phase = phase
         self.confirmed = confirmed
-        where = f" in phase '{phase}'" if phase else ""
+        where = f", in phase '{phase}'" if phase else ""
         super().__init__(f"Aborted by {by}{where}.", hint=hint, by=by, phase=phase, confirmed=confirmed)
 
 

@@ -163,7 +163,8 @@ def _held_steps(p: Backdrive, points: tuple[float, ...], rate: float, facts: Ben
     sweeps = triangle(points, rate, p.hold, shape, facts.cycle_time, legs)
     yield from observed(sweeps, travel_guard(rest, p.travel_max, "the motor does not hold its angle"))
     meaning = "half width of the loop in motor torque at zero output torque, times the ratio"
-    return partial(evaluate_loop, legs, Driven(-1.0, "friction_level", facts.ratio, meaning), facts)
+    driven = Driven(-1.0, "friction_level", facts.ratio, meaning, output_held=False)
+    return partial(evaluate_loop, legs, driven, facts)
 
 
 def _plan_free(p: Backdrive, facts: BenchFacts, allowed: float, check: Checks) -> Iterator[PlannedRun]:

@@ -146,7 +146,10 @@ def _steps(p: LockedOutput, sweep: Sweep, facts: BenchFacts) -> Steps:
     legs = loop_recordings()
     sweeps = triangle(sweep.points, sweep.rate, p.hold, shape, facts.cycle_time, legs)
     yield from observed(sweeps, travel_guard(rest, p.travel_max, "the output is not held"))
-    driven = Driven(1.0, "friction_torque", 1.0, "half width of the loop in motor torque at zero output torque")
+    # where the output turns with the wave generator, its torque falls as the motor torque rises
+    order = 1.0 if facts.opposed else -1.0
+    meaning = "half width of the loop in motor torque at zero output torque"
+    driven = Driven(order, "friction_torque", 1.0, meaning, output_held=True)
     return partial(evaluate_loop, legs, driven, facts)
 
 

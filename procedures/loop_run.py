@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 FALLING, RISING = 1, 2
 """Legs of `waveforms.nested_triangles` that close the largest loop."""
 
-NAMES = ("output_torque", "motor_torque", "motor_position", "output_position")
+NAMES = ("output_torque", "motor_torque", "motor_position", "output_position", "load_position")
 """Signals that are recorded; an absent one gives NaN."""
 
 SLIDING = 1.25
@@ -38,12 +38,14 @@ class Driven:
 
     `order` is +1 where the rising branch lies higher at zero torque (locked output), -1 where the falling one does
     (held input). `friction` names the friction level of that side, `friction_gain` turns a motor torque into it.
+    `output_held`: the output is locked, so that without an encoder it counts as being at rest.
     """
 
     order: float
     friction: str
     friction_gain: float
     friction_meaning: str
+    output_held: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,15 +106,17 @@ def loop_recordings() -> dict[int, Recording]:
 def evaluate_loop(legs: dict[int, Recording], driven: Driven, facts: BenchFacts) -> Result:
     """Give hysteresis loss, stiffness and friction level of the largest loop, as far as the sensors allow.
 
-    All three need the output torque. A bench without an output encoder has the output at rest.
+    All three need the output torque. Without an output encoder a locked output counts as being at rest, and one that
+    moves is seen by the load drive.
     """
     if not facts.has_torque_sensor:
         return Result()
     sense = 1.0 if facts.opposed else -1.0
     torque, motor, torsion = {}, {}, {}
     for leg in (FALLING, RISING):
-        output_torque, motor_torque, motor_position, output_position = legs[leg].columns()
-        output = output_position if facts.has_output_encoder else np.zeros_like(motor_position)
+        output_torque, motor_torque, motor_position, output_position, load_position = legs[leg].columns()
+        output = np.zeros_like(motor_position) if driven.output_held else load_position
+        output = output_position if facts.has_output_encoder else output
         torque[leg], motor[leg] = output_torque, sense * motor_torque
         torsion[leg] = output + sense * motor_position / facts.ratio
     loss = gap_at_zero((torque[RISING], torsion[RISING]), (torque[FALLING], torsion[FALLING]))

@@ -10,8 +10,10 @@ from drivers.clock import VirtualClock
 from drivers.errors import ConfigError, Mistake
 from rig.bench import Bench
 from rig.config.bench import SIMULATED, BenchFile, Device, Lock
-from rig.config.dut import Dut, default_dut
+from rig.config.dut import Dut, Rotation, default_dut
+from rig.loop.frames import turned
 from rig.loop.model_file import Model
+from rig.loop.terms import Entry, Line, TermClass
 from rig.operator import Answered
 from sim_backend.errors import ModelError
 from sim_backend.model.effects import CATALOGUE, ActiveEffect
@@ -88,6 +90,8 @@ def simulate(
     assumed: list[str] = []
     source = f"model of '{dut.name}'" if model is not None else f"dut '{dut.name}'"
     mistakes = [*_drive_mistakes(bench, dut), *(_catalogue_mistakes(dut) if model is None else ())]
+    if dut.gear.rotation is Rotation.SAME:
+        bench = _motor_mirrored(bench)
     if mistakes:
         raise ConfigError(source, mistakes, hint="The simulated bench, which a dry run needs too, cannot be built.")
     try:
@@ -105,6 +109,14 @@ def simulate(
     fixture = _WorldLock(world) if bench.fixture.lock is Lock.SIMULATED else None
     clock = VirtualClock(world)
     return SimulatedBench(Bench(bench, clock, fixture, dict.fromkeys(keys, world.bus)), world, plant, tuple(assumed))
+
+
+def _motor_mirrored(bench: BenchFile) -> BenchFile:
+    """Count the motor's angle and torque the other way round: the plant turns its output against the motor only."""
+    motor = bench.devices["motor"]
+    turned = {name: -motor.sign.get(name, 1) for name in ("motor_position", "motor_torque")}
+    mirrored = motor.model_copy(update={"sign": {**motor.sign, **turned}})
+    return bench.model_copy(update={"devices": {**bench.devices, "motor": mirrored}})
 
 
 def _plant(
@@ -220,12 +232,12 @@ def effects_of_model(model: Model, assumed: list[str]) -> tuple[ActiveEffect, ..
         if effect is None:
             assumed.append(f"'{fitted.effect}' is left out: the simulated bench has no such effect")
             continue
+        kind = TermClass(None, Entry(fitted.enters), fitted.variable)
         for line in fitted.lines:
-            values = {
-                "order": line.order,
-                "amplitude": line.amplitude,
-                "phase": math.remainder(line.phase, 2 * math.pi),
-            }
+            sine, cosine = line.amplitude * math.cos(line.phase), line.amplitude * math.sin(line.phase)
+            # the plant turns its output against the motor, whatever the log's frame is
+            phase = turned(Line(kind, line.order, sine, cosine), model.dut).phase
+            values = {"order": line.order, "amplitude": line.amplitude, "phase": phase}
             active.append(ActiveEffect(effect, tuple(values[p.name] for p in effect.parameters)))
     return tuple(active)
 

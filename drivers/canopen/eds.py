@@ -5,6 +5,8 @@ with the device on the bus: a drive that was exchanged, or a file of another ver
 """
 
 import io
+import logging
+import textwrap
 import warnings
 from collections.abc import Mapping
 from configparser import Error as SyntaxMistake
@@ -18,6 +20,8 @@ from drivers.canopen.objects import ObjectRef
 from drivers.errors import ConfigError, Mistake
 
 MAX_BYTES = 5_000_000
+MAX_SHOWN = 120
+"""Characters of the library's words that a message repeats."""
 SUFFIXES = (".eds", ".dcf")
 
 _CODES = {
@@ -81,18 +85,28 @@ def load_description(path: Path, node_id: int, key: str) -> DeviceDescription:
         raise refused(f"{len(data)} bytes, at most {MAX_BYTES}")
     stream = io.StringIO(_decoded(data))
     stream.name = f"description{path.suffix.lower()}"  # the library tells the format by it
+    # what it has to say about the file is in the error, or in what the file then lacks
+    logging.getLogger("canopen.objectdictionary").setLevel(logging.CRITICAL)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)  # the library's own use of the logging module
             # the node id is always passed: a DCF would bring its own
             found = import_od(stream, node_id)
     except (SyntaxMistake, ValueError, KeyError, AttributeError, IndexError, RecursionError) as error:
-        raise refused(f"is no EDS that can be read: {type(error).__name__}: {error}") from error
+        raise refused(f"is no EDS that can be read: {_in_words(error)}") from error
     codes = dict(_codes_of(found))
     if not codes:
         raise refused("describes no object")
     told = found.device_information
+    if told.vendor_number is None and told.product_number is None:
+        raise refused("names neither vendor nor product, so that nothing tells whose file it is")
     return DeviceDescription(path.name, told.vendor_number, told.product_number, codes)
+
+
+def _in_words(error: Exception) -> str:
+    """Give what the library says in one short line of printable characters, whatever stood in the file."""
+    text = "".join(c if c.isprintable() else " " for c in f"{type(error).__name__}: {error}")
+    return textwrap.shorten(text, MAX_SHOWN, placeholder=" ...")
 
 
 def _decoded(data: bytes) -> str:

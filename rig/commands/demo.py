@@ -129,7 +129,7 @@ def record(hidden: Sequence[ActiveEffect], seed: int, logs: Path) -> float:
 def _comparison(truth: Truth, result: LoopResult) -> Table:
     """Set the hidden effect beside what the loop found."""
     table = Table(title="Now the truth", title_justify="left", header_style="bold", box=None, padding=(0, 1))
-    for heading in ("", "hidden in the bench", "found by the loop", "95 % interval", "inside"):
+    for heading in ("", "hidden", "found", "95 % interval", "inside"):
         table.add_column(heading, no_wrap=True)
     found = next((step for step in result.steps if step.effect == truth.effect), None)
     table.add_row("effect", truth.effect, ", ".join(result.effects) or str(result.verdict), "", "")

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 from drivers.errors import DataError
@@ -15,18 +16,28 @@ READERS = {".mcap": read_mcap, ".csv": read_csv}
 def load_runs(paths: Iterable[Path]) -> tuple[Run, ...]:
     """Read files and folders; a folder stands for all `.mcap` and `.csv` files directly in it, sorted by name.
 
-    Raises DataError if a path does not exist, is of another kind, a file is unreadable, two runs share a name
-    (the loop and its result tell runs apart by name), or nothing is found.
+    Runs of several folders that share a name are called by their folder too, and so are their replicate groups: two
+    days are two campaigns. Raises DataError if a path does not exist, is of another kind, a file is unreadable, two
+    runs still share a name (the loop and its result tell runs apart by name), or nothing is found.
     """
     files = [file for path in paths for file in _files(path)]
     if not files:
         raise DataError("RUN", "no run was given", expected="MCAP or CSV files, or folders of them")
     distinct = list({file.resolve(): file for file in files}.values())
-    twice = sorted(name for name, count in Counter(file.stem for file in distinct).items() if count > 1)
+    counts = Counter(file.stem for file in distinct)
+    if max(counts.values()) == 1:
+        return tuple(load_run(file) for file in distinct)
+    runs = tuple(_called_by_folder(load_run(file), file.resolve().parent.name) for file in distinct)
+    twice = sorted(name for name, count in Counter(run.name for run in runs).items() if count > 1)
     if twice:
-        where = ", ".join(str(file) for file in distinct if file.stem == twice[0])
+        where = ", ".join(str(run.file) for run in runs if run.name == twice[0])
         raise DataError(where, f"two runs are called '{twice[0]}'", hint="Rename one of the files.")
-    return tuple(load_run(file) for file in distinct)
+    return runs
+
+
+def _called_by_folder(run: Run, folder: str) -> Run:
+    group = None if run.replicate is None else f"{folder}-{run.replicate}"
+    return replace(run, name=f"{folder}-{run.name}", replicate=group)
 
 
 def load_run(file: Path) -> Run:

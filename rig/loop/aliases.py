@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rig.loop.counts import count_of
 from rig.loop.normal import LinearPiece
 
 FEWEST_SAMPLES = 50
@@ -23,8 +24,7 @@ SPEED_ERROR = 2e-6
 """Relative error to which a leg's samples a revolution are known: about one count over a leg."""
 
 HARMONICS = 3
-FINEST_STEP = 1e-6
-"""Harmonics of an encoder's sawtooth that are looked at, and rad below which a difference is no count."""
+"""Harmonics of an encoder's sawtooth that are looked at."""
 
 DRIFT = 0.2
 """Cycles by which two orders may part over a leg and still look alike in it."""
@@ -95,24 +95,9 @@ def beats(order: float, items: Sequence[LinearPiece], variable: str, legs: Seque
 
 def _counts(items: Sequence[LinearPiece], variable: str) -> float | None:
     """Give the counts per revolution that an angle comes in, None where no steps are seen."""
-    found = []
-    for item in items:
-        position = item.evaluation.positions.get(variable)
-        if position is not None and item.piece.track.moves:
-            steps = np.abs(np.diff(position[item.piece.index]))
-            found.append(steps[steps > FINEST_STEP])
-    steps = np.sort(np.concatenate(found)) if found else np.zeros(0)
-    gaps = np.diff(steps, prepend=0.0)
-    gaps = gaps[gaps > FINEST_STEP]
-    if not gaps.size:
-        return None
-    # a first guess from the smallest difference of steps, then the best fit to all of them
-    count = float(gaps.min())
-    for _ in range(3):
-        times = np.round(steps / count)
-        count = float((steps @ times) / (times @ times))
-    spread = float(np.sqrt(np.mean((steps - count * np.round(steps / count)) ** 2)))
-    return None if spread > 0.1 * count else float(round(2.0 * math.pi / count))
+    turning = [item for item in items if item.piece.track.moves and variable in item.evaluation.positions]
+    count = count_of([item.evaluation.positions[variable][item.piece.index] for item in turning])
+    return None if count is None else float(round(2.0 * math.pi / count))
 
 
 def _away(order: float, leg: Sampling) -> float:

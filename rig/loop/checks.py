@@ -39,9 +39,9 @@ def check_magnitudes(runs: Sequence[Run]) -> None:
             if away.size:
                 raise DataError(
                     str(run.file),
-                    f"{name} reaches {float(values[away[0]]):.6g} {signal.unit}, which no bench does",
+                    f"{name} reaches {float(values[away[0]]):.6g} {signal.unit} at {run.time[away[0]]:.6g} s, which no "
+                    f"bench does",
                     column=name,
-                    row=int(away[0]) + 1,
                     value=float(values[away[0]]),
                     expected=f"at most {bound:g} {signal.unit}",
                     hint="Check the unit and the scale of the column, in the mapping or in the header.",

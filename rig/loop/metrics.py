@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.config.dut import Dut
+from rig.loop.counts import count_of
 from rig.loop.equations import Equation, Piece, target_of
 from rig.loop.model import Model, predict
 from rig.loop.result import Errors
@@ -239,16 +240,25 @@ def _averaged_away(piece: Piece) -> float:
 
 
 def quantisation_square(piece: Piece, dut: Dut, ratio: float | None) -> float | None:
-    """Give the variance (rad**2) which the encoders' counts leave in the torsion, None where counts are unknown."""
+    """Give the variance (rad**2) which the encoders' counts leave in the torsion, None where counts are unknown.
+
+    Counts that the device file lacks are read off the steps of the angle.
+    """
     motor, output, track = dut.motor.encoder_counts, dut.output.encoder_counts, piece.track
-    if motor is None or output is None or ratio is None:
+    if ratio is None:
         return None
     square = 0.0
     for position, count, gear in ((track.motor_position, motor, ratio), (track.output_position, output, 1.0)):
-        step = 2.0 * math.pi / count
+        step = 2.0 * math.pi / count if count is not None else _step_of(position)
+        if step is None:
+            return None
         if position is not None and np.ptp(position) > 3.0 * step:
             square += (step / gear) ** 2 / 12.0
     return square
+
+
+def _step_of(position: Floats | None) -> float | None:
+    return None if position is None else count_of([position])
 
 
 def _flexspline_softness(T: Floats, model: Model) -> Floats:

@@ -1,5 +1,6 @@
 """One figure of a loop: the held-out residual of every equation against what explains it, before and after."""
 
+import textwrap
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from rig.loop.result import LoopResult, View
-from rig.loop.table import headline
+from rig.loop.table import SCALES, headline
 
 PER_TURN = ("motor_position", "output_position")
 """Variables shown over one turn."""
@@ -22,16 +23,23 @@ def plot_loop(result: LoopResult, path: Path) -> Path:
     for number, view in enumerate(result.views):
         axes = figure.add_subplot(count, 1, number + 1)
         x, label = _axis(view)
-        axes.plot(x, view.before, ".", markersize=1.5, color="0.65", label="before", rasterized=True)
-        axes.plot(x, view.after, ".", markersize=1.5, color="C0", label="after", rasterized=True)
+        shown, scale = SCALES.get(view.unit, (view.unit, 1.0))
+        for name, values, color in (("before", view.before, "0.65"), ("after", view.after, "C0")):
+            values = values * scale
+            rms = f"{name}, rms {_rms(values):.3g} {shown}"
+            axes.plot(x, values, ".", markersize=1.5, color=color, label=rms, rasterized=True)
         axes.set_xlabel(label)
-        axes.set_ylabel(f"{view.equation} [{view.unit}]")
+        axes.set_ylabel(f"residual of {view.equation} [{shown}]")
         axes.legend(loc="upper right", fontsize=7, markerscale=5)
-        runs = ", ".join(view.runs[:4]) + (", ..." if len(view.runs) > 4 else "")
+        runs = textwrap.shorten(", ".join(view.runs), 150, placeholder=" ...")
         axes.text(0.005, 0.02, runs, transform=axes.transAxes, fontsize=6, color="0.3", parse_math=False)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=150)
     return path
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
 
 
 def _axis(view: View) -> tuple[np.ndarray, str]:

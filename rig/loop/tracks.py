@@ -137,6 +137,9 @@ def make_track(run: Run, dut: Dut) -> Track:
     leg_speed = _legs(speed, period)
     travel = float(np.ptp(angle)) if angle is not None and angle.size else 0.0
     moves = travel > MOVES if motor_position is not None else bool(np.any(leg_speed != 0))
+    if not moves and run.procedure in (ProcedureName.LOCKED_OUTPUT, ProcedureName.BACKDRIVE):
+        # a torque that stands still while it sweeps the drive is a dead channel, not a reading
+        output_torque, motor_torque = _alive(output_torque), _alive(motor_torque)
     turning = run.procedure in (ProcedureName.FREE_RUN, ProcedureName.BACKDRIVE)
     held = not turning and float(np.median(np.abs(speed))) < HELD_SPEED and motor_position is not None
     window, play_window = round(SIDE / period), round(PLAY_SIDE / period)
@@ -232,6 +235,10 @@ def pick_rows(track: Track, rows: NDArray[np.intp]) -> Track:
         usable=track.usable[rows],
         steady=track.steady[rows],
     )
+
+
+def _alive(values: Floats | None) -> Floats | None:
+    return None if values is None or np.ptp(values) == 0.0 else values
 
 
 def _ripple(run: Run, position: Floats | None, torque: Floats | None, leg_speed: Floats) -> Ripple | None:

@@ -28,7 +28,7 @@ def test_a_file_named_twice_is_read_once(tmp_path: Path) -> None:
 def test_two_runs_of_one_name_are_refused(tmp_path: Path) -> None:
     write_log(tmp_path / "a.mcap", 20)
     (tmp_path / "a.csv").write_text(CSV)
-    with pytest.raises(DataError, match="two runs are called 'a'"):
+    with pytest.raises(DataError, match=r"two runs are called '.*-a'"):
         load_runs([tmp_path])
 
 
@@ -53,3 +53,13 @@ def test_an_empty_folder_an_empty_list_and_another_kind_of_file_are_errors(tmp_p
     (tmp_path / "a.h5").write_bytes(b"x")
     with pytest.raises(DataError, match="rig import"):
         load_runs([tmp_path / "a.h5"])
+
+
+def test_runs_of_two_days_are_told_apart_by_their_folders(tmp_path: Path) -> None:
+    for day in ("monday", "tuesday"):
+        (tmp_path / day).mkdir()
+        (tmp_path / day / "a.csv").write_text(CSV)
+        (tmp_path / day / "a.toml").write_text('procedure = "free-run"\nreplicate = "pair"\n')
+    runs = load_runs([tmp_path / "monday", tmp_path / "tuesday"])
+    assert [run.name for run in runs] == ["monday-a", "tuesday-a"]
+    assert [run.replicate for run in runs] == ["monday-pair", "tuesday-pair"]
