@@ -23,7 +23,7 @@ from drivers.errors import (
 )
 from drivers.types import Axis, DeviceEvent, DriveState, Mode, Sample, Setpoint
 from procedures.intents import Ask, Command, Evaluation, Intent, Mark, Result, SetLock, Steps, Tare
-from rig.bench import NO_ANSWER_HINT, Bench
+from rig.bench import NO_ANSWER_HINT, Bench, SafeReport
 from rig.config.bench import Reaction
 from rig.frozen import CHECK_TIME, FrozenWatch
 from rig.limits import LimitWatch
@@ -380,54 +380,59 @@ class _Execution:
         """Take the torque away by the bench's declared reaction, confirm it, and record it. Raises nothing.
 
         The drives stop by themselves after a speed or travel limit, after a reading that cannot be true, and where the
-        ramp fails or breaks a limit.
+        ramp fails or breaks a limit. A sensor or a log that fails changes nothing of that.
         Gives with it the first thing that went wrong on the way, whether or not the bench is safe now.
         """
-        problems: list[Exception] = []
+        problems = _Problems()
         taken: list[Reaction] = []
+        ramped = False
         if self._bench.config.safety.reaction is Reaction.RAMP and not _runs_away(cause):
             taken.append(Reaction.RAMP)
-            _try(lambda: self._ramp_down(cause), problems)
-        if problems or not taken:
+            ramped = problems.catch(lambda: self._ramp_down(cause, problems))
+        if not ramped:
             taken.append(Reaction.QUICK_STOP)
-            _try(self._stop_quickly, problems)
+            problems.catch(lambda: self._stop_quickly(problems))
         states = self._take_torque(problems)
         confirmed = all(axis in states and not states[axis].energised for axis in self._bench.axes)
         safe = SafeState(
             reaction=", ".join(taken),
             states={str(axis): str(states.get(axis, NOT_CONFIRMED)) for axis in self._bench.axes},
             confirmed=confirmed,
-            problem=" ".join(dict.fromkeys(f"{type(problem).__name__}: {problem}" for problem in problems)),
+            problem=" ".join(dict.fromkeys(f"{type(problem).__name__}: {problem}" for problem in problems.found)),
         )
         shown = ", ".join(f"{axis} {state}" for axis, state in safe.states.items())
         text = f"{safe.reaction}: {shown}; {'confirmed' if confirmed else 'NOT CONFIRMED'}"
-        _try(lambda: self.say("safe state", text), problems)
-        _try(lambda: self._log_events(self._bench.events()), problems)
-        return safe, _as_rig_error(problems[0]) if problems else None
+        problems.catch(lambda: self.say("safe state", text))
+        problems.catch(lambda: self._log_events(self._bench.events()))
+        return safe, _as_rig_error(problems.found[0]) if problems.found else None
 
-    def _take_torque(self, problems: list[Exception]) -> Mapping[Axis, DriveState]:
+    def _take_torque(self, problems: "_Problems") -> Mapping[Axis, DriveState]:
         """Disable every drive; where one fails, quick stop is the second way. Give the last state read of each."""
         tried = [self._bench.disable()]
         if tried[0].failure is not None:
             # the last one reads how the drives' own ramps ended
             tried += [self._bench.quick_stop(), self._bench.disable()]
-        problems += [stopped.failure for stopped in tried if stopped.failure is not None]
+        problems.found += [stopped.failure for stopped in tried if stopped.failure is not None]
         return {axis: state for stopped in tried for axis, state in stopped.states.items()}
 
-    def _stop_quickly(self) -> None:
-        """Let every drive stop by its own ramp, and keep the control loop alive until these are over."""
+    def _stop_quickly(self, problems: "_Problems") -> None:
+        """Let every drive stop by its own ramp, and keep the control loop alive until these are over.
+
+        A drive that does not obey does not take this time from the others.
+        """
         failure = self._bench.quick_stop().failure
         if failure is not None:
-            raise failure
+            problems.found.append(failure)
         self._reschedule()
         end = self._clock.now() + QUICK_STOP_TIME
-        while self._clock.now() < end and any(r.state.energised for r in self._bench.readings().values()):
-            self._safe_cycle()
+        while self._clock.now() < end and self._bench.energised:
+            self._safe_cycle(problems)
 
-    def _ramp_down(self, cause: RigError | None) -> None:
+    def _ramp_down(self, cause: RigError | None, problems: "_Problems") -> None:
         """Ramp torque and speed of each energised axis to zero in the declared time; in position mode it holds.
 
-        Raises LimitError if a limit is broken meanwhile; the one that was broken before may be a tenth higher.
+        Raises LimitError if a limit is broken meanwhile; the one that was broken before may be a tenth higher. Raises
+        what is wrong with a drive.
         """
         commanded = {
             axis: setpoint for axis in self._bench.axes if (setpoint := self._bench.setpoint(axis)) is not None
@@ -449,7 +454,11 @@ class _Execution:
                 setpoint = Setpoint(mode, value if mode is Mode.POSITION else value * k / cycles)
                 self.watch.check_setpoint(axis, setpoint, self.index)
                 self._bench.apply(axis, setpoint)
-            self.watch.check(self._safe_cycle())
+            report = self._safe_cycle(problems)
+            for axis in self._bench.axes:
+                if axis in report.troubles:
+                    raise report.troubles[axis]
+            self.watch.check(report.cycle.filled)
 
     def _ramp_start(self, axis: Axis, commanded: Setpoint, torque: float) -> Setpoint:
         """Give where the ramp of an axis begins: at what was commanded or at what is measured, the smaller one."""
@@ -461,28 +470,52 @@ class _Execution:
             return Setpoint(mode, 0.0)
         return Setpoint(mode, min(value, measured, key=abs))
 
-    def _safe_cycle(self) -> Sample:
-        """Run and log one cycle on the way to the safe state; neither a request to stop nor lateness ends it."""
+    def _safe_cycle(self, problems: "_Problems") -> SafeReport:
+        """Run and log one cycle on the way to the safe state.
+
+        Neither a request to stop nor lateness ends it, nor a device or a log that fails: that is noted, once for each.
+        """
         self._deadline += self._cycle_time
         self._clock.sleep_until(self._deadline)
         self.time = self._clock.now() - self._begin
-        report = self._bench.cycle(self.time, self.index, late=False)
-        self._log.write(report.sample)
+        report = self._bench.safe_cycle(self.time, self.index)
+        for place, trouble in report.troubles.items():
+            problems.note(place, trouble)
+        problems.catch(lambda: self._log.write(report.cycle.sample), "log")
         self.index += 1
-        self.watch.observe(report.filled)
-        return report.filled
+        self.watch.observe(report.cycle.filled)
+        return report
+
+
+class _Problems:
+    """What went wrong on the way to the safe state, in order; what a place goes on to say is kept once."""
+
+    def __init__(self) -> None:
+        self.found: list[Exception] = []
+        self._places: set[str] = set()
+
+    def note(self, place: str, problem: Exception) -> None:
+        """Keep the first problem of a device, or of another place."""
+        if place not in self._places:
+            self._places.add(place)
+            self.found.append(problem)
+
+    def catch(self, action: Callable[[], object], place: str | None = None) -> bool:
+        """Act, and keep what is raised; tell whether nothing was."""
+        try:
+            action()
+        except Exception as error:  # whatever it was, the next step towards the safe state must still be taken
+            if place is not None:
+                self.note(place, error)
+            elif not any(error is known for known in self.found):
+                self.found.append(error)
+            return False
+        return True
 
 
 def _runs_away(cause: RigError | None) -> bool:
     """Tell whether a shaft moves on while its torque is slowly taken away, or may do so unseen."""
     return isinstance(cause, ReadingError) or (isinstance(cause, LimitError) and cause.signal in RUNAWAY)
-
-
-def _try(action: Callable[[], object], problems: list[Exception]) -> None:
-    try:
-        action()
-    except Exception as error:  # whatever it was, the next step towards the safe state must still be taken
-        problems.append(error)
 
 
 def _as_rig_error(problem: Exception) -> RigError:

@@ -340,6 +340,9 @@ def test_an_output_that_carries_little_torque_is_unlocked(sim):
     assert log.texts("phase") == ["unlocked"]
 
 
+BAD_SENSOR = {"mute": "No answer from", "reboot": "restarted by itself", "short-pdo": "instead of 4"}
+"""Fault of a sensor, and what its error says."""
+
 FAULT_CASES = [
     ("drive-fault", 1, DriveFaultError),
     ("reboot", 1, RigError),
@@ -449,6 +452,104 @@ def test_a_frozen_motor_that_no_other_device_shows_is_held_by_the_speed_limit_in
     assert isinstance(outcome.error, AbortedError)
     assert peak.speed < 1.1 * 220.0 + 3.0  # what 0.1 N*m adds in the drive's cycle of 1 ms
     sim.bench.close()
+
+
+def speed_up(value: float) -> Steps:
+    """Turn the motor at `value` rad/s, reached in 0.4 s: its torque limit allows no step."""
+    for k in itertools.count(1):
+        yield Command(motor=Setpoint(Mode.VELOCITY, value * min(k / 400, 1.0)))
+
+
+SENSORS = {"output_encoder": 3, "torque_sensor": 4}
+
+
+def fail(sim, fault: str, node: int, time: float) -> None:
+    """Let a sensor go bad for good at `time` s: one of the named faults, or a process value at the end of its range."""
+    if fault != "saturated":
+        FAULTS[fault].inject(sim.world, node, time)
+        return
+    full = corrupt(process_data_of(node), lambda frame: Frame(frame.can_id, b"\xff\xff\xff\x7f"))
+    sim.world.schedule(time, lambda: sim.world.bus.add_hook(full))
+
+
+def speed_when_let_go(sim) -> list[float]:
+    """Note the true speed (rad/s) of the motor whenever its drive is told to disable the voltage."""
+    speeds = []
+    disable = bytes.fromhex("2b4060 00") + bytes(4)
+
+    def look(sender, frame):
+        if sender == MASTER and frame == (0x601, disable):
+            speeds.append(sim.plant.truth().motor_velocity)
+        return (Delivery(frame),)
+
+    sim.world.bus.add_hook(look)
+    return speeds
+
+
+@pytest.mark.parametrize("reaction", ["ramp", "quick-stop"])
+@pytest.mark.parametrize(
+    ("fault", "sensor", "first"),
+    [
+        *((fault, sensor, first) for fault, first in BAD_SENSOR.items() for sensor in SENSORS),
+        ("saturated", "torque_sensor", "end of its range"),
+    ],
+)
+def test_a_sensor_that_stays_bad_does_not_keep_the_drives_from_stopping_the_shaft(fault, sensor, first, reaction):
+    sim = sim_bench(('reaction = "ramp"', f'reaction = "{reaction}"'))
+    sim.bench.open()
+    fail(sim, fault, SENSORS[sensor], sim.world.time + 0.5)
+    speeds, peak = speed_when_let_go(sim), Peak(sim)
+    log = MemoryLog()
+    log.on_sample = peak.see
+    outcome = run_on(sim, speed_up(100.0), log)
+    assert first in str(outcome.error) or any(first in note for note in outcome.error.__notes__)
+    assert sensor.split("_")[0] in str(outcome.error)
+    assert peak.speed == pytest.approx(100.0, abs=5.0)
+    assert outcome.safe_state.reaction == reaction
+    assert outcome.safe_state.confirmed
+    # a velocity loop still follows the last step of its ramp, 0.5 rad/s; a quick stop ends in the drive itself
+    assert abs(speeds[0]) < 1.0
+    with contextlib.suppress(RigError):  # what a device no longer answers cannot be restored, and is said
+        sim.bench.close()
+
+
+def test_a_drive_that_refuses_its_quick_stop_does_not_keep_the_other_from_ending_its_own():
+    sim = sim_bench(('reaction = "ramp"', 'reaction = "quick-stop"'))
+    sim.bench.open()
+    quick_stop = bytes.fromhex("2b4060 00 0200 0000")
+    refused = corrupt(
+        lambda sender, frame: sender == MASTER and frame == (0x602, quick_stop),
+        lambda frame: Frame(frame.can_id, bytes.fromhex("234060 00 0200 0000")),  # four bytes for two: an abort at once
+    )
+    sim.world.bus.add_hook(refused)
+
+    def both() -> Steps:
+        for k in range(500):
+            load = Setpoint(Mode.TORQUE, 0.0)
+            yield Command(motor=Setpoint(Mode.VELOCITY, 100.0 * min(k / 400, 1.0)), load=load)
+        return Result
+
+    speeds = speed_when_let_go(sim)
+    outcome = run_on(sim, both(), MemoryLog())
+    assert isinstance(outcome.error, DriveFaultError)
+    assert outcome.error.device == "load"
+    assert abs(speeds[0]) < 1.0
+    assert outcome.safe_state.confirmed
+    sim.bench.close()
+
+
+def test_a_log_that_cannot_be_written_does_not_keep_the_drives_from_stopping_the_shaft(sim):
+    speeds, log = speed_when_let_go(sim), MemoryLog()
+
+    def fill_the_disk(sample: Sample) -> None:
+        if sample.cycle >= 500:
+            raise OSError("no space left on device")
+
+    log.on_sample = fill_the_disk
+    with pytest.raises(OSError, match="no space left"):
+        run_on(sim, speed_up(100.0), log)
+    assert abs(speeds[0]) < 1.0
+    assert log.texts("safe state") == ["ramp: motor switch-on disabled, load switch-on disabled; confirmed"]
 
 
 def test_a_restart_in_motion_is_named_as_such():
