@@ -212,6 +212,7 @@ class _Execution:
         self._phase = Mark("start")
         self._released = True
         self._heard: list[str] = []
+        self._latest = Sample(0.0, 0)
         self.index = 0
         self.late = 0
         self.missing = 0
@@ -223,21 +224,21 @@ class _Execution:
 
     def to_the_end(self, steps: Steps) -> Evaluation:
         """Drive the generator until it returns; give how its result is computed."""
-        sample = self._cycle()
+        self._cycle()
         intent = next(steps)
         try:
             while True:
                 if isinstance(intent, Command):
                     self._command(intent)
-                    sample = self._cycle()
+                    self._cycle()
                 else:
-                    self._carry_out(intent, sample)
-                intent = steps.send(sample)
+                    self._carry_out(intent)
+                intent = steps.send(self._latest)
         except StopIteration as end:
             evaluate: Evaluation = end.value
             return evaluate
 
-    def _carry_out(self, intent: Intent, sample: Sample) -> None:
+    def _carry_out(self, intent: Intent) -> None:
         match intent:
             case Mark():
                 self._phase = intent
@@ -245,9 +246,11 @@ class _Execution:
             case SetLock(locked):
                 self._require_released("the output lock may only change")
                 if not locked:
-                    self._require_unloaded(sample)
+                    self._require_unloaded("it was not opened")
                 self.say("operator", "lock the output" if locked else "release the output")
                 self._wait_for(self._bench.set_lock(locked))
+                if not locked:
+                    self._require_unloaded("it did so when its lock was said to be open")
                 self.watch.start_travel()
                 self._reschedule()
             case Tare():
@@ -273,8 +276,10 @@ class _Execution:
                 [Mistake("intent", "axes energised", f"{what} at zero torque, with both drives released")],
             )
 
-    def _require_unloaded(self, sample: Sample) -> None:
-        """Refuse to unlock an output that would fly off. Raises LimitError."""
+    def _require_unloaded(self, outcome: str) -> None:
+        """Refuse to go on, after a fresh cycle, with an output that would fly off. Raises LimitError."""
+        self._cycle()
+        sample = self._latest
         torque, bound = sample.output_torque, UNLOCK_SHARE * self._limits.output_torque
         if torque is None or abs(torque) <= bound:
             return
@@ -285,7 +290,7 @@ class _Execution:
             "N*m",
             cycle=sample.cycle,
             what=f"The output carries {torque:.4g} N*m in cycle {sample.cycle}, and the lock opens under no more than "
-            f"{bound:.4g} N*m ({UNLOCK_SHARE:.0%} of the limit output_torque); it was not opened.",
+            f"{bound:.4g} N*m ({UNLOCK_SHARE:.0%} of the limit output_torque); {outcome}.",
             hint="Take the load off, or turn the motor by hand until the torque is gone.",
         )
 
@@ -305,8 +310,8 @@ class _Execution:
                 self._reschedule()
         self._released = command.motor is None and command.load is None
 
-    def _cycle(self) -> Sample:
-        """Run one control cycle and log it; give the sample with the last known values where one was missing."""
+    def _cycle(self) -> None:
+        """Run one control cycle and log it; keep its sample, with the last known values where one was missing."""
         self._stop.check(self._phase.phase)
         if self.index:
             self._deadline += self._cycle_time
@@ -327,6 +332,7 @@ class _Execution:
         self.missing += len(report.missing)
         self._log.write(report.sample)
         self.index += 1
+        self._latest = report.filled
         self.watch.observe(report.filled)
         self.watch.check(report.filled)
         if self.index % self._look_every == 0:
@@ -351,7 +357,6 @@ class _Execution:
             )
         if self._on_progress is not None and self.index % self._progress_every == 0:
             self._on_progress(Progress(self.time, self._phase.phase, self._phase.duration, report.filled))
-        return report.filled
 
     def listen_for_the_cause(self, error: RigError) -> None:
         """Hear what the devices report after a failure (a restart, an emergency) and add it to the error.

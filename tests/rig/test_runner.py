@@ -1,6 +1,7 @@
 import contextlib
 import itertools
 import math
+from collections.abc import Callable
 
 import pytest
 
@@ -18,7 +19,7 @@ from drivers.errors import (
 from drivers.types import Mode, Sample, Setpoint
 from procedures.intents import Ask, Command, Mark, Measurement, Result, SetLock, Steps, Tare
 from rig.bench import Stopped
-from rig.runner import Status
+from rig.runner import Status, execute
 from rig.stop import Stop
 from sim_backend.buses.hooks import MASTER, Delivery, Hook, corrupt, drop, process_data_of
 from sim_backend.faults import FAULTS
@@ -338,6 +339,90 @@ def test_an_output_that_carries_little_torque_is_unlocked(sim):
     outcome = run_on(sim, wind_up_and_unlock(), log := MemoryLog())
     assert outcome.error is None
     assert log.texts("phase") == ["unlocked"]
+
+
+def disturbed(sim, torque: float) -> Callable[[], None]:
+    """Make the torque sensor show `torque` N*m, without noise, from the call of what this returns."""
+    raw = round(torque * 10_000).to_bytes(4, "little", signed=True)
+    load = corrupt(process_data_of(4), lambda frame: Frame(frame.can_id, raw))
+    return lambda: sim.world.bus.add_hook(load)
+
+
+def after(cycles: int, act: Callable[[], None]) -> Callable[[], bool]:
+    """Answer an operator's question after so many looks, of which the last one acts."""
+    looks = itertools.count(1)
+
+    def answered() -> bool:
+        if (look := next(looks)) == cycles:
+            act()
+        return look > cycles
+
+    return answered
+
+
+def test_torque_that_rises_while_the_operator_is_asked_keeps_the_output_locked(sim):
+    class Slow:
+        def ask(self, request: str) -> Callable[[], bool]:
+            return after(50, disturbed(sim, 8.0))
+
+    def ask_and_unlock() -> Steps:
+        yield SetLock(True)
+        for _ in range(20):
+            yield Command()
+        yield Ask("look at it")
+        yield SetLock(False)
+        return Result
+
+    outcome = execute(sim.bench, ask_and_unlock(), MemoryLog(), Slow(), Stop())
+    assert isinstance(outcome.error, LimitError)
+    assert (outcome.error.value, outcome.error.limit) == (8.0, 1.5)
+    assert "it was not opened" in str(outcome.error)
+    assert sim.plant.locked
+
+
+def test_torque_that_appears_after_the_last_cycle_keeps_the_output_locked(sim):
+    load = disturbed(sim, 8.0)
+
+    def wait_and_unlock() -> Steps:
+        yield SetLock(True)
+        yield Command()
+        load()
+        yield SetLock(False)
+        return Result
+
+    outcome = run_on(sim, wait_and_unlock(), MemoryLog())
+    assert isinstance(outcome.error, LimitError)
+    assert sim.plant.locked
+
+
+def test_torque_that_rises_until_the_operator_has_opened_the_lock_ends_the_run(sim):
+    class ByHand:
+        def set_lock(self, locked: bool) -> Callable[[], bool]:
+            return after(50, disturbed(sim, 8.0) if not locked else lambda: None)
+
+    sim.bench.fixture = ByHand()
+    outcome = run_on(sim, wind_up_and_unlock(), log := MemoryLog())
+    assert isinstance(outcome.error, LimitError)
+    assert outcome.error.value == 8.0
+    assert "when its lock was said to be open" in str(outcome.error)
+    assert log.texts("phase") == []
+    assert outcome.safe_state.confirmed
+
+
+def test_a_procedure_gets_the_sample_of_the_last_cycle_whatever_it_asked_for(sim):
+    got = []
+
+    def ask() -> Steps:
+        got.append((yield Ask("anything")))
+        return Result
+
+    class Slow:
+        def ask(self, request: str) -> Callable[[], bool]:
+            return after(50, lambda: None)
+
+    log = MemoryLog()
+    execute(sim.bench, ask(), log, Slow(), Stop())
+    assert got == [log.samples[50]]
 
 
 BAD_SENSOR = {"mute": "No answer from", "reboot": "restarted by itself", "short-pdo": "instead of 4"}
