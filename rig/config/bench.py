@@ -157,9 +157,9 @@ class BenchFile(FileModel):
         if rate is not None and time is not None and time < 10 / rate:
             rule = f"at least 10 cycles ({10 / rate:g} s at {rate} Hz)"
             yield Conflict(("safety", "heartbeat_time"), time, rule)
-        if "load" in devices and "load_torque" not in limits:
-            rule = "missing; a bench with a load drive bounds its torque"
-            yield Conflict(("limits", "load_torque"), None, rule)
+        for key, what in (("load_torque", "torque"), ("load_velocity", "speed and its position steps")):
+            if "load" in devices and key not in limits:
+                yield Conflict(("limits", key), None, f"missing; a bench with a load drive bounds its {what}")
         if fixture.get("lock") == Lock.SIMULATED and any(d.get("interface") != SIMULATED for d in devices.values()):
             yield Conflict(("fixture", "lock"), str(Lock.SIMULATED), "only where every device is simulated")
 

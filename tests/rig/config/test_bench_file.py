@@ -139,6 +139,13 @@ def test_roles_drivers_and_buses_are_checked_where_other_values_are_wrong():
     assert len(error.mistakes) == len(set(paths(error)))
 
 
+@pytest.mark.parametrize("limit", ["load_torque = 30.0", "load_velocity = 10.0"])
+def test_a_load_drive_needs_limits_of_torque_and_speed(limit):
+    error = broken((limit, ""))
+    assert paths(error) == [f"limits.{limit.split()[0]}"]
+    assert "a bench with a load drive bounds its" in str(error)
+
+
 def test_the_load_of_a_bus_is_checked_where_a_limit_is_wrong():
     error = broken(("motor_torque = 0.25", "motor_torque = -1"), ("cycle_rate = 1000", "cycle_rate = 2000"))
     assert paths(error) == ["limits.motor_torque", "cycle_rate"]
