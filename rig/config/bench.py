@@ -178,12 +178,16 @@ class BenchFile(FileModel):
         return 1.0 / self.cycle_rate
 
     def _most(self, role: str) -> tuple[float | None, float | None]:
-        """Give torque (N*m) and speed (rad/s) that the limits allow a role's shaft. No output outruns its motor."""
+        """Give torque (N*m) and speed (rad/s) that the limits allow a role's shaft.
+
+        The output turns with the load drive; without one all that is known is that it does not outrun its motor.
+        """
         limits = self.limits
+        output = limits.load_velocity if "load" in self.devices else limits.motor_velocity
         return {
             "motor": (limits.motor_torque, limits.motor_velocity),
             "load": (limits.load_torque, limits.load_velocity),
-            "output_encoder": (None, limits.motor_velocity),
+            "output_encoder": (None, output),
         }.get(role, (None, None))
 
     def device_configs(self) -> tuple[DeviceConfig, ...]:

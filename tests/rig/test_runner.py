@@ -478,6 +478,19 @@ def test_an_encoder_that_jumps_ends_the_run_and_is_not_logged(sim):
     assert max(map(abs, before)) < 0.01
 
 
+def test_a_jump_of_the_encoder_that_its_motor_might_make_is_noticed(sim):
+    """0.5 rad: the motor may turn by 2.2 rad in ten cycles, the output by 0.1 rad."""
+    counts = round(0.5 / (2 * math.pi) * 2**19)
+
+    def jump(frame: Frame) -> Frame:
+        return Frame(frame.can_id, ((int.from_bytes(frame.data, "little") + counts) % 2**31).to_bytes(4, "little"))
+
+    sim.world.schedule(sim.world.time + 0.2, lambda: sim.world.bus.add_hook(corrupt(process_data_of(3), jump)))
+    outcome = run_on(sim, sweep_torque(0.05, 2000), MemoryLog())
+    assert isinstance(outcome.error, ReadingError)
+    assert "jumped to 0." in str(outcome.error)
+
+
 def turn(mode: Mode, value: float, axis: str = "motor") -> Steps:
     while True:
         yield Command(**{axis: Setpoint(mode, value)})

@@ -139,6 +139,13 @@ def test_roles_drivers_and_buses_are_checked_where_other_values_are_wrong():
     assert len(error.mistakes) == len(set(paths(error)))
 
 
+def test_the_output_encoder_turns_no_faster_than_the_load_drive_or_without_one_than_the_motor():
+    bench = load_bench("sim")[0]
+    alone = bench.model_copy(update={"devices": {r: d for r, d in bench.devices.items() if r != "load"}})
+    fastest = [{c.name: c.max_velocity for c in b.device_configs()}["output_encoder"] for b in (bench, alone)]
+    assert fastest == [10.0, 220.0]
+
+
 @pytest.mark.parametrize("limit", ["load_torque = 30.0", "load_velocity = 10.0"])
 def test_a_load_drive_needs_limits_of_torque_and_speed(limit):
     error = broken((limit, ""))
