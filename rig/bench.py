@@ -195,7 +195,7 @@ class Bench:
         troubles: dict[str, RigError] = {}
 
         def note(name: str, caught: Exception) -> None:
-            error = _as_rig_error(name, caught)
+            error = _driver_error(name, caught)
             for role in _concerned(error) or (name,):
                 troubles.setdefault(role, error)
 
@@ -335,7 +335,7 @@ class Bench:
             try:
                 states[axis] = action(self._drive(axis))
             except Exception as caught:  # whatever fails on one drive, the next must still be stopped
-                error = _as_rig_error(axis.value, caught)
+                error = _driver_error(axis.value, caught)
                 if failure is None:
                     failure = error
                 else:
@@ -367,7 +367,7 @@ class Bench:
             try:
                 part.close()
             except Exception as caught:  # whatever fails on one part, the next must still be closed
-                failures.append(_as_rig_error(getattr(part, "name", "bus"), caught))
+                failures.append(_driver_error(getattr(part, "name", "bus"), caught))
         self._devices.clear()
         self._drives.clear()
         self._buses.clear()
@@ -392,7 +392,7 @@ def _by_bus(configs: tuple[DeviceConfig, ...]) -> dict[tuple[str, str, str], tup
     return groups
 
 
-def _as_rig_error(device: str, error: Exception) -> RigError:
+def _driver_error(device: str, error: Exception) -> RigError:
     if isinstance(error, RigError):
         return error
     wrapped = DriveFaultError(device, f"failed in its driver: {type(error).__name__}: {error}")

@@ -213,6 +213,7 @@ class _Execution:
         self._released = True
         self._heard: list[str] = []
         self._latest = Sample(0.0, 0)
+        self._missing_now: tuple[str, ...] = ()
         self.index = 0
         self.late = 0
         self.missing = 0
@@ -330,6 +331,7 @@ class _Execution:
         finally:
             self._log_events(self._bench.events())
         self.missing += len(report.missing)
+        self._missing_now = report.missing
         self._log.write(report.sample)
         self.index += 1
         self._latest = report.filled
@@ -388,7 +390,7 @@ class _Execution:
         ramp fails or breaks a limit. A sensor or a log that fails changes nothing of that.
         Gives with it the first thing that went wrong on the way, whether or not the bench is safe now.
         """
-        problems = _Problems()
+        problems = _Problems(self._named(cause))
         taken: list[Reaction] = []
         ramped = False
         if self._bench.config.safety.reaction is Reaction.RAMP and not _runs_away(cause):
@@ -403,13 +405,24 @@ class _Execution:
             reaction=", ".join(taken),
             states={str(axis): str(states.get(axis, NOT_CONFIRMED)) for axis in self._bench.axes},
             confirmed=confirmed,
-            problem=" ".join(dict.fromkeys(f"{type(problem).__name__}: {problem}" for problem in problems.found)),
+            problem=" ".join(dict.fromkeys(map(_told, problems.found))),
         )
         shown = ", ".join(f"{axis} {state}" for axis, state in safe.states.items())
         text = f"{safe.reaction}: {shown}; {'confirmed' if confirmed else 'NOT CONFIRMED'}"
         problems.catch(lambda: self.say("safe state", text))
         problems.catch(lambda: self._log_events(self._bench.events()))
-        return safe, _as_rig_error(problems.found[0]) if problems.found else None
+        return safe, _on_the_way(problems.found[0]) if problems.found else None
+
+    def _named(self, cause: RigError | None) -> set[str]:
+        """Give the devices that the cause of the end tells about already."""
+        named = set(self._missing_now) if isinstance(cause, CycleError) else set()
+        if isinstance(cause, NotConnectedError):
+            named |= cause.missing.keys()
+        if isinstance(cause, DriveFaultError):
+            named.add(cause.device)
+        if isinstance(cause, LimitError) and cause.signal == "output_torque":
+            named.add("torque_sensor")
+        return named
 
     def _take_torque(self, problems: "_Problems") -> Mapping[Axis, DriveState]:
         """Disable every drive; where one fails, quick stop is the second way. Give the last state read of each."""
@@ -493,11 +506,14 @@ class _Execution:
 
 
 class _Problems:
-    """What went wrong on the way to the safe state, in order; what a place goes on to say is kept once."""
+    """What went wrong on the way to the safe state, in order; what a place goes on to say is kept once.
 
-    def __init__(self) -> None:
+    `known`: places whose trouble was told before.
+    """
+
+    def __init__(self, known: set[str]) -> None:
         self.found: list[Exception] = []
-        self._places: set[str] = set()
+        self._places = known
 
     def note(self, place: str, problem: Exception) -> None:
         """Keep the first problem of a device, or of another place."""
@@ -523,7 +539,12 @@ def _runs_away(cause: RigError | None) -> bool:
     return isinstance(cause, ReadingError) or (isinstance(cause, LimitError) and cause.signal in RUNAWAY)
 
 
-def _as_rig_error(problem: Exception) -> RigError:
+def _told(problem: Exception) -> str:
+    """Say what a problem was, without what to do: the error that ended the run says that."""
+    return f"{type(problem).__name__}: {problem.message if isinstance(problem, RigError) else problem}"
+
+
+def _on_the_way(problem: Exception) -> RigError:
     if isinstance(problem, RigError):
         return problem
     wrapped = RigError(f"Taking the torque away went wrong: {type(problem).__name__}: {problem}.")

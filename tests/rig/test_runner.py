@@ -605,6 +605,9 @@ def test_a_sensor_that_stays_bad_does_not_keep_the_drives_from_stopping_the_shaf
     assert peak.speed == pytest.approx(100.0, abs=5.0)
     assert outcome.safe_state.reaction == reaction
     assert outcome.safe_state.confirmed
+    told = " ".join((str(outcome.error), *outcome.error.__notes__))
+    assert told.count("Check the device's power") <= 1
+    assert outcome.safe_state.problem == ""  # the sensor's trouble is the error itself
     # a velocity loop still follows the last step of its ramp, 0.5 rad/s; a quick stop ends in the drive itself
     assert abs(speeds[0]) < 1.0
     with contextlib.suppress(RigError):  # what a device no longer answers cannot be restored, and is said
