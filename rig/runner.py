@@ -44,6 +44,9 @@ LISTENING_TIME = 0.5
 """How long to listen, s, after the devices fell silent: longer than a drive takes to restart."""
 
 
+DISABLE = "disable"
+"""Reaction where every axis is released or at zero, so that there is nothing to ramp or to stop."""
+
 NOT_CONFIRMED = "not confirmed"
 """What stands for the state of a drive that did not answer, or never showed one without torque."""
 
@@ -386,17 +389,23 @@ class _Execution:
     def make_safe(self, cause: RigError | None) -> tuple[SafeState, RigError | None]:
         """Take the torque away by the bench's declared reaction, confirm it, and record it. Raises nothing.
 
-        The drives stop by themselves after a speed or travel limit, after a reading that cannot be true, and where the
-        ramp fails or breaks a limit. A sensor or a log that fails changes nothing of that.
+        The drives stop by themselves after a speed or travel limit, after a reading that cannot be true, where the ramp
+        fails or breaks a limit, and where all that is driven follows a position, which has no ramp. A sensor or a log
+        that fails changes nothing of that.
         Gives with it the first thing that went wrong on the way, whether or not the bench is safe now.
         """
         problems = _Problems(self._named(cause))
-        taken: list[Reaction] = []
-        ramped = False
+        taken: list[str] = []
+        stop = True
         if self._bench.config.safety.reaction is Reaction.RAMP and not _runs_away(cause):
-            taken.append(Reaction.RAMP)
-            ramped = problems.catch(lambda: self._ramp_down(cause, problems))
-        if not ramped:
+            commanded = self._commanded()
+            if any(value for mode, value in commanded.values() if mode is not Mode.POSITION):
+                taken.append(Reaction.RAMP)
+                stop = not problems.catch(lambda: self._ramp_down(commanded, cause, problems))
+            elif not any(mode is Mode.POSITION for mode, _ in commanded.values()):
+                taken.append(DISABLE)
+                stop = False
+        if stop:
             taken.append(Reaction.QUICK_STOP)
             problems.catch(lambda: self._stop_quickly(problems))
         states = self._take_torque(problems)
@@ -446,17 +455,16 @@ class _Execution:
         while self._clock.now() < end and self._bench.energised:
             self._safe_cycle(problems)
 
-    def _ramp_down(self, cause: RigError | None, problems: "_Problems") -> None:
-        """Ramp torque and speed of each energised axis to zero in the declared time; in position mode it holds.
+    def _commanded(self) -> Mapping[Axis, Setpoint]:
+        """Give what each axis that is not released was told."""
+        return {axis: setpoint for axis in self._bench.axes if (setpoint := self._bench.setpoint(axis)) is not None}
+
+    def _ramp_down(self, commanded: Mapping[Axis, Setpoint], cause: RigError | None, problems: "_Problems") -> None:
+        """Ramp torque and speed of each energised axis to zero in the declared time; one in position mode holds.
 
         Raises LimitError if a limit is broken meanwhile; the one that was broken before may be a tenth higher. Raises
         what is wrong with a drive.
         """
-        commanded = {
-            axis: setpoint for axis in self._bench.axes if (setpoint := self._bench.setpoint(axis)) is not None
-        }
-        if not any(value for mode, value in commanded.values() if mode is not Mode.POSITION):
-            return
         if isinstance(cause, LimitError):
             self.watch.tolerate(cause)
         readings = self._bench.readings()

@@ -614,6 +614,41 @@ def test_a_sensor_that_stays_bad_does_not_keep_the_drives_from_stopping_the_shaf
         sim.bench.close()
 
 
+def test_a_shaft_that_follows_positions_is_stopped_by_its_drive_and_the_record_says_so():
+    sim = sim_bench(("motor_torque = 0.25", "motor_torque = 0.5"))  # the position loop swings
+    sim.bench.open()
+
+    def follow() -> Steps:
+        """Reach 50 rad/s in 0.4 s and end there."""
+        sample = yield Command()
+        position = sample.motor_position
+        for k in range(401):
+            position += 1e-3 * 50.0 * k / 400
+            yield Command(motor=Setpoint(Mode.POSITION, position))
+        return Result
+
+    speeds, peak = speed_when_let_go(sim), Peak(sim)
+    log = MemoryLog()
+    log.on_sample = peak.see
+    outcome = run_on(sim, follow(), log)
+    assert outcome.error is None
+    assert peak.speed > 45.0
+    assert outcome.safe_state.reaction == "quick-stop"
+    assert abs(speeds[-1]) < 1.0
+    sim.bench.close()
+
+
+def test_the_record_says_that_nothing_was_ramped_where_both_axes_were_released(sim):
+    def rest() -> Steps:
+        yield Command()
+        return Result
+
+    outcome = run_on(sim, rest(), MemoryLog())
+    assert outcome.error is None
+    assert outcome.safe_state.reaction == "disable"
+    assert outcome.safe_state.confirmed
+
+
 def test_a_drive_that_refuses_its_quick_stop_does_not_keep_the_other_from_ending_its_own():
     sim = sim_bench(('reaction = "ramp"', 'reaction = "quick-stop"'))
     sim.bench.open()
