@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple, Protocol, cast
+from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar, cast
 
 from drivers.clock import Clock
 from drivers.devices import DeviceBus, DeviceConfig, Drive, Sensor, TorqueSensor
@@ -35,6 +35,9 @@ STALE_CYCLES = 5
 
 NO_ANSWER_HINT = "Check the device's power and wiring and its node id in the bench file."
 
+Reading = TypeVar("Reading", covariant=True)
+Absent = TypeVar("Absent")
+
 Transports = Mapping[tuple[str, str], "can.BusABC"]
 """Open python-can buses by (interface, channel), for benches whose bus is not opened by name."""
 
@@ -52,6 +55,13 @@ class CycleReport(NamedTuple):
     sample: Sample
     filled: Sample
     missing: tuple[str, ...] = ()
+
+
+class SafeReport(NamedTuple):
+    """One cycle on the way to the safe state, and what is wrong, by the role it concerns ("bus": no role is named)."""
+
+    cycle: CycleReport
+    troubles: Mapping[str, RigError]
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,25 +174,72 @@ class Bench:
         encoder = self._encoder.read() if self._encoder is not None else _ABSENT_SENSOR
         torque = self._torque.read() if self._torque is not None else _ABSENT_SENSOR
         if not torque.valid:
-            raise LimitError(
-                "output_torque",
-                torque.value or 0.0,
-                abs(torque.value or 0.0),
-                "N*m",
-                cycle=index,
-                what=f"The torque sensor is at the end of its range ({torque.value} N*m) in cycle {index}.",
-                hint="What it shows there is no torque: lower the load or use a larger sensor.",
-            )
+            raise _saturated(torque.value, index)
         if not encoder.valid:
-            raise ReadingError(
-                "output_encoder",
-                f"jumped to {encoder.value:.6g} rad in cycle {index}, further than the shaft can turn in one cycle",
-                state="",
-                hint="Check the encoder and its wiring, and whether its preset was changed.",
-            )
+            raise _jumped(encoder.value, index)
+        filled = self._sample(time, index, late, motor, load, encoder.value, torque.value)
+        if not (motor.age or load.age or encoder.age or torque.age):
+            return CycleReport(filled, filled)
+        stale = _stale(motor.age, load.age, encoder.age, torque.age)
+        oldest = max(stale.values())
+        if oldest > STALE_CYCLES:
+            raise self._silent(stale, time, late)
+        return CycleReport(_without(filled, stale), filled, tuple(stale))
+
+    def safe_cycle(self, time: float, index: int) -> SafeReport:
+        """Exchange one cycle on the way to the safe state, where only the drives matter. Raises no RigError.
+
+        What is wrong with a device is told instead: a sensor that stays bad must not keep the drives from stopping.
+        A value that cannot be true is absent from the sample, as one that did not come.
+        """
+        troubles: dict[str, RigError] = {}
+
+        def note(name: str, caught: Exception) -> None:
+            error = _driver_error(name, caught)
+            for role in _concerned(error) or (name,):
+                troubles.setdefault(role, error)
+
+        for bus in self._buses:
+            try:
+                bus.exchange()
+            except Exception as caught:  # as above
+                note("bus", caught)
+        motor = _read("motor", self._motor, _ABSENT_DRIVE, note)
+        load = _read("load", self._load, _ABSENT_DRIVE, note)
+        encoder = _read("output_encoder", self._encoder, _ABSENT_SENSOR, note)
+        torque = _read("torque_sensor", self._torque, _ABSENT_SENSOR, note)
+        if not torque.valid:
+            note("torque_sensor", _saturated(torque.value, index))
+        if not encoder.valid:
+            note("output_encoder", _jumped(encoder.value, index))
+        filled = self._sample(
+            time,
+            index,
+            False,
+            motor,
+            load,
+            encoder.value if encoder.valid else None,
+            torque.value if torque.valid else None,
+        )
+        stale = _stale(motor.age, load.age, encoder.age, torque.age)
+        for role, age in stale.items():
+            if age > STALE_CYCLES:
+                note(role, self._silent({role: age}, time, late=False))
+        return SafeReport(CycleReport(_without(filled, stale) if stale else filled, filled, tuple(stale)), troubles)
+
+    def _sample(
+        self,
+        time: float,
+        index: int,
+        late: bool,
+        motor: "DriveReading | _AbsentDrive",
+        load: "DriveReading | _AbsentDrive",
+        output_position: float | None,
+        output_torque: float | None,
+    ) -> Sample:
         position, velocity, motor_torque = _by_mode(self._setpoints[Axis.MOTOR])
         _, _, load_torque = _by_mode(self._setpoints[Axis.LOAD])
-        filled = _new_sample(
+        return _new_sample(
             (
                 time,
                 index,
@@ -194,9 +251,9 @@ class Bench:
                 motor.torque,
                 motor_torque,
                 motor.current,
-                encoder.value,
+                output_position,
                 None,  # output_velocity: no device measures it
-                torque.value,
+                output_torque,
                 load.torque,
                 load_torque,
                 load.position,
@@ -209,21 +266,17 @@ class Bench:
                 (),
             )
         )
-        if not (motor.age or load.age or encoder.age or torque.age):
-            return CycleReport(filled, filled)
-        ages = {"motor": motor.age, "load": load.age, "output_encoder": encoder.age, "torque_sensor": torque.age}
-        stale = {name: age for name, age in ages.items() if age > 0}
+
+    def _silent(self, stale: Mapping[str, int], time: float, late: bool) -> CycleError:
         oldest = max(stale.values())
-        if oldest > STALE_CYCLES:
-            raise CycleError(
-                f"No answer from {self.located(stale)} for {oldest} cycles at {time:.3f} s",
-                late=int(late),
-                missing=oldest,
-                worst_age=oldest * self.config.cycle_time,
-                limit=STALE_CYCLES,
-                hint=NO_ANSWER_HINT,
-            )
-        return CycleReport(_without(filled, stale), filled, tuple(stale))
+        return CycleError(
+            f"No answer from {self.located(stale)} for {oldest} cycles at {time:.3f} s",
+            late=int(late),
+            missing=oldest,
+            worst_age=oldest * self.config.cycle_time,
+            limit=STALE_CYCLES,
+            hint=NO_ANSWER_HINT,
+        )
 
     def located(self, roles: Iterable[str]) -> str:
         """Name devices with where they are, for messages."""
@@ -234,6 +287,17 @@ class Bench:
     def axes(self) -> tuple[Axis, ...]:
         """Give the axes that have a drive."""
         return tuple(self._drives)
+
+    @property
+    def energised(self) -> bool:
+        """Tell whether a drive may carry torque by its latest reading; one that cannot be read may."""
+        for drive in self._drives.values():
+            try:
+                if drive.read().state.energised:
+                    return True
+            except Exception:  # a drive whose state is unknown is not known to be without torque
+                return True
+        return False
 
     def readings(self) -> Mapping[Axis, DriveReading]:
         """Give the latest reading of each drive."""
@@ -271,7 +335,7 @@ class Bench:
             try:
                 states[axis] = action(self._drive(axis))
             except Exception as caught:  # whatever fails on one drive, the next must still be stopped
-                error = _as_rig_error(axis.value, caught)
+                error = _driver_error(axis.value, caught)
                 if failure is None:
                     failure = error
                 else:
@@ -303,7 +367,7 @@ class Bench:
             try:
                 part.close()
             except Exception as caught:  # whatever fails on one part, the next must still be closed
-                failures.append(_as_rig_error(getattr(part, "name", "bus"), caught))
+                failures.append(_driver_error(getattr(part, "name", "bus"), caught))
         self._devices.clear()
         self._drives.clear()
         self._buses.clear()
@@ -328,7 +392,7 @@ def _by_bus(configs: tuple[DeviceConfig, ...]) -> dict[tuple[str, str, str], tup
     return groups
 
 
-def _as_rig_error(device: str, error: Exception) -> RigError:
+def _driver_error(device: str, error: Exception) -> RigError:
     if isinstance(error, RigError):
         return error
     wrapped = DriveFaultError(device, f"failed in its driver: {type(error).__name__}: {error}")
@@ -336,11 +400,68 @@ def _as_rig_error(device: str, error: Exception) -> RigError:
     return wrapped
 
 
+def _concerned(error: RigError) -> tuple[str, ...]:
+    """Give the devices that an error names."""
+    if isinstance(error, NotConnectedError):
+        return tuple(error.missing)
+    return (error.device,) if isinstance(error, DriveFaultError) else ()
+
+
+def _saturated(value: float | None, index: int) -> LimitError:
+    return LimitError(
+        "output_torque",
+        value or 0.0,
+        abs(value or 0.0),
+        "N*m",
+        cycle=index,
+        what=f"The torque sensor is at the end of its range ({value} N*m) in cycle {index}.",
+        hint="What it shows there is no torque: lower the load or use a larger sensor.",
+    )
+
+
+def _jumped(value: float | None, index: int) -> ReadingError:
+    return ReadingError(
+        "output_encoder",
+        f"jumped to {value:.6g} rad in cycle {index}, further than the shaft can turn in one cycle",
+        state="",
+        hint="Check the encoder and its wiring, and whether its preset was changed.",
+    )
+
+
+def _stale(motor: int, load: int, encoder: int, torque: int) -> Mapping[str, int]:
+    """Give the ages (cycles) above zero by role."""
+    ages = {"motor": motor, "load": load, "output_encoder": encoder, "torque_sensor": torque}
+    return {name: age for name, age in ages.items() if age > 0}
+
+
+class _Readable(Protocol[Reading]):
+    """A drive or a sensor, by what it gives."""
+
+    def read(self) -> Reading: ...
+
+
+def _read(
+    role: str, device: _Readable[Reading] | None, absent: Absent, note: Callable[[str, Exception], None]
+) -> Reading | Absent:
+    """Give what a device reads, or what stands for one that is absent; a device that fails is noted."""
+    if device is None:
+        return absent
+    try:
+        return device.read()
+    except Exception as caught:  # whatever fails in one device, the drives must still be stopped
+        note(role, caught)
+        return absent
+
+
 class _AbsentDrive(NamedTuple):
-    """Stands for a load drive that the bench has not."""
+    """Stands for a drive that the bench has not, or that gives no reading."""
 
     position: None = None
+    velocity: None = None
     torque: None = None
+    current: None = None
+    temperature: None = None
+    voltage: None = None
     status_word: None = None
     age: int = 0
 

@@ -23,7 +23,7 @@ from drivers.errors import (
 )
 from drivers.types import Axis, DeviceEvent, DriveState, Mode, Sample, Setpoint
 from procedures.intents import Ask, Command, Evaluation, Intent, Mark, Result, SetLock, Steps, Tare
-from rig.bench import NO_ANSWER_HINT, Bench
+from rig.bench import NO_ANSWER_HINT, Bench, SafeReport
 from rig.config.bench import Reaction
 from rig.frozen import CHECK_TIME, FrozenWatch
 from rig.limits import LimitWatch
@@ -43,6 +43,9 @@ UNLOCK_SHARE = 0.05
 LISTENING_TIME = 0.5
 """How long to listen, s, after the devices fell silent: longer than a drive takes to restart."""
 
+
+DISABLE = "disable"
+"""Reaction where every axis is released or at zero, so that there is nothing to ramp or to stop."""
 
 NOT_CONFIRMED = "not confirmed"
 """What stands for the state of a drive that did not answer, or never showed one without torque."""
@@ -212,6 +215,8 @@ class _Execution:
         self._phase = Mark("start")
         self._released = True
         self._heard: list[str] = []
+        self._latest = Sample(0.0, 0)
+        self._missing_now: tuple[str, ...] = ()
         self.index = 0
         self.late = 0
         self.missing = 0
@@ -223,21 +228,21 @@ class _Execution:
 
     def to_the_end(self, steps: Steps) -> Evaluation:
         """Drive the generator until it returns; give how its result is computed."""
-        sample = self._cycle()
+        self._cycle()
         intent = next(steps)
         try:
             while True:
                 if isinstance(intent, Command):
                     self._command(intent)
-                    sample = self._cycle()
+                    self._cycle()
                 else:
-                    self._carry_out(intent, sample)
-                intent = steps.send(sample)
+                    self._carry_out(intent)
+                intent = steps.send(self._latest)
         except StopIteration as end:
             evaluate: Evaluation = end.value
             return evaluate
 
-    def _carry_out(self, intent: Intent, sample: Sample) -> None:
+    def _carry_out(self, intent: Intent) -> None:
         match intent:
             case Mark():
                 self._phase = intent
@@ -245,9 +250,11 @@ class _Execution:
             case SetLock(locked):
                 self._require_released("the output lock may only change")
                 if not locked:
-                    self._require_unloaded(sample)
+                    self._require_unloaded("it was not opened")
                 self.say("operator", "lock the output" if locked else "release the output")
                 self._wait_for(self._bench.set_lock(locked))
+                if not locked:
+                    self._require_unloaded("it did so when its lock was said to be open")
                 self.watch.start_travel()
                 self._reschedule()
             case Tare():
@@ -273,8 +280,10 @@ class _Execution:
                 [Mistake("intent", "axes energised", f"{what} at zero torque, with both drives released")],
             )
 
-    def _require_unloaded(self, sample: Sample) -> None:
-        """Refuse to unlock an output that would fly off. Raises LimitError."""
+    def _require_unloaded(self, outcome: str) -> None:
+        """Refuse to go on, after a fresh cycle, with an output that would fly off. Raises LimitError."""
+        self._cycle()
+        sample = self._latest
         torque, bound = sample.output_torque, UNLOCK_SHARE * self._limits.output_torque
         if torque is None or abs(torque) <= bound:
             return
@@ -285,7 +294,7 @@ class _Execution:
             "N*m",
             cycle=sample.cycle,
             what=f"The output carries {torque:.4g} N*m in cycle {sample.cycle}, and the lock opens under no more than "
-            f"{bound:.4g} N*m ({UNLOCK_SHARE:.0%} of the limit output_torque); it was not opened.",
+            f"{bound:.4g} N*m ({UNLOCK_SHARE:.0%} of the limit output_torque); {outcome}.",
             hint="Take the load off, or turn the motor by hand until the torque is gone.",
         )
 
@@ -305,8 +314,8 @@ class _Execution:
                 self._reschedule()
         self._released = command.motor is None and command.load is None
 
-    def _cycle(self) -> Sample:
-        """Run one control cycle and log it; give the sample with the last known values where one was missing."""
+    def _cycle(self) -> None:
+        """Run one control cycle and log it; keep its sample, with the last known values where one was missing."""
         self._stop.check(self._phase.phase)
         if self.index:
             self._deadline += self._cycle_time
@@ -325,8 +334,10 @@ class _Execution:
         finally:
             self._log_events(self._bench.events())
         self.missing += len(report.missing)
+        self._missing_now = report.missing
         self._log.write(report.sample)
         self.index += 1
+        self._latest = report.filled
         self.watch.observe(report.filled)
         self.watch.check(report.filled)
         if self.index % self._look_every == 0:
@@ -351,7 +362,6 @@ class _Execution:
             )
         if self._on_progress is not None and self.index % self._progress_every == 0:
             self._on_progress(Progress(self.time, self._phase.phase, self._phase.duration, report.filled))
-        return report.filled
 
     def listen_for_the_cause(self, error: RigError) -> None:
         """Hear what the devices report after a failure (a restart, an emergency) and add it to the error.
@@ -379,61 +389,82 @@ class _Execution:
     def make_safe(self, cause: RigError | None) -> tuple[SafeState, RigError | None]:
         """Take the torque away by the bench's declared reaction, confirm it, and record it. Raises nothing.
 
-        The drives stop by themselves after a speed or travel limit, after a reading that cannot be true, and where the
-        ramp fails or breaks a limit.
+        The drives stop by themselves after a speed or travel limit, after a reading that cannot be true, where the ramp
+        fails or breaks a limit, and where all that is driven follows a position, which has no ramp. A sensor or a log
+        that fails changes nothing of that.
         Gives with it the first thing that went wrong on the way, whether or not the bench is safe now.
         """
-        problems: list[Exception] = []
-        taken: list[Reaction] = []
+        problems = _Problems(self._named(cause))
+        taken: list[str] = []
+        stop = True
         if self._bench.config.safety.reaction is Reaction.RAMP and not _runs_away(cause):
-            taken.append(Reaction.RAMP)
-            _try(lambda: self._ramp_down(cause), problems)
-        if problems or not taken:
+            commanded = self._commanded()
+            if any(value for mode, value in commanded.values() if mode is not Mode.POSITION):
+                taken.append(Reaction.RAMP)
+                stop = not problems.catch(lambda: self._ramp_down(commanded, cause, problems))
+            elif not any(mode is Mode.POSITION for mode, _ in commanded.values()):
+                taken.append(DISABLE)
+                stop = False
+        if stop:
             taken.append(Reaction.QUICK_STOP)
-            _try(self._stop_quickly, problems)
+            problems.catch(lambda: self._stop_quickly(problems))
         states = self._take_torque(problems)
         confirmed = all(axis in states and not states[axis].energised for axis in self._bench.axes)
         safe = SafeState(
             reaction=", ".join(taken),
             states={str(axis): str(states.get(axis, NOT_CONFIRMED)) for axis in self._bench.axes},
             confirmed=confirmed,
-            problem=" ".join(dict.fromkeys(f"{type(problem).__name__}: {problem}" for problem in problems)),
+            problem=" ".join(dict.fromkeys(map(_told, problems.found))),
         )
         shown = ", ".join(f"{axis} {state}" for axis, state in safe.states.items())
         text = f"{safe.reaction}: {shown}; {'confirmed' if confirmed else 'NOT CONFIRMED'}"
-        _try(lambda: self.say("safe state", text), problems)
-        _try(lambda: self._log_events(self._bench.events()), problems)
-        return safe, _as_rig_error(problems[0]) if problems else None
+        problems.catch(lambda: self.say("safe state", text))
+        problems.catch(lambda: self._log_events(self._bench.events()))
+        return safe, _on_the_way(problems.found[0]) if problems.found else None
 
-    def _take_torque(self, problems: list[Exception]) -> Mapping[Axis, DriveState]:
+    def _named(self, cause: RigError | None) -> set[str]:
+        """Give the devices that the cause of the end tells about already."""
+        named = set(self._missing_now) if isinstance(cause, CycleError) else set()
+        if isinstance(cause, NotConnectedError):
+            named |= cause.missing.keys()
+        if isinstance(cause, DriveFaultError):
+            named.add(cause.device)
+        if isinstance(cause, LimitError) and cause.signal == "output_torque":
+            named.add("torque_sensor")
+        return named
+
+    def _take_torque(self, problems: "_Problems") -> Mapping[Axis, DriveState]:
         """Disable every drive; where one fails, quick stop is the second way. Give the last state read of each."""
         tried = [self._bench.disable()]
         if tried[0].failure is not None:
             # the last one reads how the drives' own ramps ended
             tried += [self._bench.quick_stop(), self._bench.disable()]
-        problems += [stopped.failure for stopped in tried if stopped.failure is not None]
+        problems.found += [stopped.failure for stopped in tried if stopped.failure is not None]
         return {axis: state for stopped in tried for axis, state in stopped.states.items()}
 
-    def _stop_quickly(self) -> None:
-        """Let every drive stop by its own ramp, and keep the control loop alive until these are over."""
+    def _stop_quickly(self, problems: "_Problems") -> None:
+        """Let every drive stop by its own ramp, and keep the control loop alive until these are over.
+
+        A drive that does not obey does not take this time from the others.
+        """
         failure = self._bench.quick_stop().failure
         if failure is not None:
-            raise failure
+            problems.found.append(failure)
         self._reschedule()
         end = self._clock.now() + QUICK_STOP_TIME
-        while self._clock.now() < end and any(r.state.energised for r in self._bench.readings().values()):
-            self._safe_cycle()
+        while self._clock.now() < end and self._bench.energised:
+            self._safe_cycle(problems)
 
-    def _ramp_down(self, cause: RigError | None) -> None:
-        """Ramp torque and speed of each energised axis to zero in the declared time; in position mode it holds.
+    def _commanded(self) -> Mapping[Axis, Setpoint]:
+        """Give what each axis that is not released was told."""
+        return {axis: setpoint for axis in self._bench.axes if (setpoint := self._bench.setpoint(axis)) is not None}
 
-        Raises LimitError if a limit is broken meanwhile; the one that was broken before may be a tenth higher.
+    def _ramp_down(self, commanded: Mapping[Axis, Setpoint], cause: RigError | None, problems: "_Problems") -> None:
+        """Ramp torque and speed of each energised axis to zero in the declared time; one in position mode holds.
+
+        Raises LimitError if a limit is broken meanwhile; the one that was broken before may be a tenth higher. Raises
+        what is wrong with a drive.
         """
-        commanded = {
-            axis: setpoint for axis in self._bench.axes if (setpoint := self._bench.setpoint(axis)) is not None
-        }
-        if not any(value for mode, value in commanded.values() if mode is not Mode.POSITION):
-            return
         if isinstance(cause, LimitError):
             self.watch.tolerate(cause)
         readings = self._bench.readings()
@@ -449,7 +480,11 @@ class _Execution:
                 setpoint = Setpoint(mode, value if mode is Mode.POSITION else value * k / cycles)
                 self.watch.check_setpoint(axis, setpoint, self.index)
                 self._bench.apply(axis, setpoint)
-            self.watch.check(self._safe_cycle())
+            report = self._safe_cycle(problems)
+            for axis in self._bench.axes:
+                if axis in report.troubles:
+                    raise report.troubles[axis]
+            self.watch.check(report.cycle.filled)
 
     def _ramp_start(self, axis: Axis, commanded: Setpoint, torque: float) -> Setpoint:
         """Give where the ramp of an axis begins: at what was commanded or at what is measured, the smaller one."""
@@ -461,16 +496,50 @@ class _Execution:
             return Setpoint(mode, 0.0)
         return Setpoint(mode, min(value, measured, key=abs))
 
-    def _safe_cycle(self) -> Sample:
-        """Run and log one cycle on the way to the safe state; neither a request to stop nor lateness ends it."""
+    def _safe_cycle(self, problems: "_Problems") -> SafeReport:
+        """Run and log one cycle on the way to the safe state.
+
+        Neither a request to stop nor lateness ends it, nor a device or a log that fails: that is noted, once for each.
+        """
         self._deadline += self._cycle_time
         self._clock.sleep_until(self._deadline)
         self.time = self._clock.now() - self._begin
-        report = self._bench.cycle(self.time, self.index, late=False)
-        self._log.write(report.sample)
+        report = self._bench.safe_cycle(self.time, self.index)
+        for place, trouble in report.troubles.items():
+            problems.note(place, trouble)
+        problems.catch(lambda: self._log.write(report.cycle.sample), "log")
         self.index += 1
-        self.watch.observe(report.filled)
-        return report.filled
+        self.watch.observe(report.cycle.filled)
+        return report
+
+
+class _Problems:
+    """What went wrong on the way to the safe state, in order; what a place goes on to say is kept once.
+
+    `known`: places whose trouble was told before.
+    """
+
+    def __init__(self, known: set[str]) -> None:
+        self.found: list[Exception] = []
+        self._places = known
+
+    def note(self, place: str, problem: Exception) -> None:
+        """Keep the first problem of a device, or of another place."""
+        if place not in self._places:
+            self._places.add(place)
+            self.found.append(problem)
+
+    def catch(self, action: Callable[[], object], place: str | None = None) -> bool:
+        """Act, and keep what is raised; tell whether nothing was."""
+        try:
+            action()
+        except Exception as error:  # whatever it was, the next step towards the safe state must still be taken
+            if place is not None:
+                self.note(place, error)
+            elif not any(error is known for known in self.found):
+                self.found.append(error)
+            return False
+        return True
 
 
 def _runs_away(cause: RigError | None) -> bool:
@@ -478,14 +547,12 @@ def _runs_away(cause: RigError | None) -> bool:
     return isinstance(cause, ReadingError) or (isinstance(cause, LimitError) and cause.signal in RUNAWAY)
 
 
-def _try(action: Callable[[], object], problems: list[Exception]) -> None:
-    try:
-        action()
-    except Exception as error:  # whatever it was, the next step towards the safe state must still be taken
-        problems.append(error)
+def _told(problem: Exception) -> str:
+    """Say what a problem was, without what to do: the error that ended the run says that."""
+    return f"{type(problem).__name__}: {problem.message if isinstance(problem, RigError) else problem}"
 
 
-def _as_rig_error(problem: Exception) -> RigError:
+def _on_the_way(problem: Exception) -> RigError:
     if isinstance(problem, RigError):
         return problem
     wrapped = RigError(f"Taking the torque away went wrong: {type(problem).__name__}: {problem}.")

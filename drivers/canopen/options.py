@@ -61,7 +61,7 @@ class DriveOptions(CommonOptions):
 
 @dataclass(frozen=True, slots=True)
 class EncoderOptions(CommonOptions):
-    """For an encoder. `max_velocity` rad/s: the fastest it will turn, the motor's speed limit if not given."""
+    """For an encoder. `max_velocity` rad/s: the fastest it will turn, the bench's limit of its shaft if not given."""
 
     max_velocity: float | None = _option(None, 1e-9, 1e5)
 

@@ -157,9 +157,9 @@ class BenchFile(FileModel):
         if rate is not None and time is not None and time < 10 / rate:
             rule = f"at least 10 cycles ({10 / rate:g} s at {rate} Hz)"
             yield Conflict(("safety", "heartbeat_time"), time, rule)
-        if "load" in devices and "load_torque" not in limits:
-            rule = "missing; a bench with a load drive bounds its torque"
-            yield Conflict(("limits", "load_torque"), None, rule)
+        for key, what in (("load_torque", "torque"), ("load_velocity", "speed and its position steps")):
+            if "load" in devices and key not in limits:
+                yield Conflict(("limits", key), None, f"missing; a bench with a load drive bounds its {what}")
         if fixture.get("lock") == Lock.SIMULATED and any(d.get("interface") != SIMULATED for d in devices.values()):
             yield Conflict(("fixture", "lock"), str(Lock.SIMULATED), "only where every device is simulated")
 
@@ -178,12 +178,16 @@ class BenchFile(FileModel):
         return 1.0 / self.cycle_rate
 
     def _most(self, role: str) -> tuple[float | None, float | None]:
-        """Give torque (N*m) and speed (rad/s) that the limits allow a role's shaft. No output outruns its motor."""
+        """Give torque (N*m) and speed (rad/s) that the limits allow a role's shaft.
+
+        The output turns with the load drive; without one all that is known is that it does not outrun its motor.
+        """
         limits = self.limits
+        output = limits.load_velocity if "load" in self.devices else limits.motor_velocity
         return {
             "motor": (limits.motor_torque, limits.motor_velocity),
             "load": (limits.load_torque, limits.load_velocity),
-            "output_encoder": (None, limits.motor_velocity),
+            "output_encoder": (None, output),
         }.get(role, (None, None))
 
     def device_configs(self) -> tuple[DeviceConfig, ...]:

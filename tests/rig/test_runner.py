@@ -1,6 +1,7 @@
 import contextlib
 import itertools
 import math
+from collections.abc import Callable
 
 import pytest
 
@@ -18,7 +19,7 @@ from drivers.errors import (
 from drivers.types import Mode, Sample, Setpoint
 from procedures.intents import Ask, Command, Mark, Measurement, Result, SetLock, Steps, Tare
 from rig.bench import Stopped
-from rig.runner import Status
+from rig.runner import Status, execute
 from rig.stop import Stop
 from sim_backend.buses.hooks import MASTER, Delivery, Hook, corrupt, drop, process_data_of
 from sim_backend.faults import FAULTS
@@ -340,6 +341,93 @@ def test_an_output_that_carries_little_torque_is_unlocked(sim):
     assert log.texts("phase") == ["unlocked"]
 
 
+def disturbed(sim, torque: float) -> Callable[[], None]:
+    """Make the torque sensor show `torque` N*m, without noise, from the call of what this returns."""
+    raw = round(torque * 10_000).to_bytes(4, "little", signed=True)
+    load = corrupt(process_data_of(4), lambda frame: Frame(frame.can_id, raw))
+    return lambda: sim.world.bus.add_hook(load)
+
+
+def after(cycles: int, act: Callable[[], None]) -> Callable[[], bool]:
+    """Answer an operator's question after so many looks, of which the last one acts."""
+    looks = itertools.count(1)
+
+    def answered() -> bool:
+        if (look := next(looks)) == cycles:
+            act()
+        return look > cycles
+
+    return answered
+
+
+def test_torque_that_rises_while_the_operator_is_asked_keeps_the_output_locked(sim):
+    class Slow:
+        def ask(self, request: str) -> Callable[[], bool]:
+            return after(50, disturbed(sim, 8.0))
+
+    def ask_and_unlock() -> Steps:
+        yield SetLock(True)
+        for _ in range(20):
+            yield Command()
+        yield Ask("look at it")
+        yield SetLock(False)
+        return Result
+
+    outcome = execute(sim.bench, ask_and_unlock(), MemoryLog(), Slow(), Stop())
+    assert isinstance(outcome.error, LimitError)
+    assert (outcome.error.value, outcome.error.limit) == (8.0, 1.5)
+    assert "it was not opened" in str(outcome.error)
+    assert sim.plant.locked
+
+
+def test_torque_that_appears_after_the_last_cycle_keeps_the_output_locked(sim):
+    load = disturbed(sim, 8.0)
+
+    def wait_and_unlock() -> Steps:
+        yield SetLock(True)
+        yield Command()
+        load()
+        yield SetLock(False)
+        return Result
+
+    outcome = run_on(sim, wait_and_unlock(), MemoryLog())
+    assert isinstance(outcome.error, LimitError)
+    assert sim.plant.locked
+
+
+def test_torque_that_rises_until_the_operator_has_opened_the_lock_ends_the_run(sim):
+    class ByHand:
+        def set_lock(self, locked: bool) -> Callable[[], bool]:
+            return after(50, disturbed(sim, 8.0) if not locked else lambda: None)
+
+    sim.bench.fixture = ByHand()
+    outcome = run_on(sim, wind_up_and_unlock(), log := MemoryLog())
+    assert isinstance(outcome.error, LimitError)
+    assert outcome.error.value == 8.0
+    assert "when its lock was said to be open" in str(outcome.error)
+    assert log.texts("phase") == []
+    assert outcome.safe_state.confirmed
+
+
+def test_a_procedure_gets_the_sample_of_the_last_cycle_whatever_it_asked_for(sim):
+    got = []
+
+    def ask() -> Steps:
+        got.append((yield Ask("anything")))
+        return Result
+
+    class Slow:
+        def ask(self, request: str) -> Callable[[], bool]:
+            return after(50, lambda: None)
+
+    log = MemoryLog()
+    execute(sim.bench, ask(), log, Slow(), Stop())
+    assert got == [log.samples[50]]
+
+
+BAD_SENSOR = {"mute": "No answer from", "reboot": "restarted by itself", "short-pdo": "instead of 4"}
+"""Fault of a sensor, and what its error says."""
+
 FAULT_CASES = [
     ("drive-fault", 1, DriveFaultError),
     ("reboot", 1, RigError),
@@ -388,6 +476,19 @@ def test_an_encoder_that_jumps_ends_the_run_and_is_not_logged(sim):
     assert outcome.safe_state.confirmed
     before = [sample.output_position for sample in log.samples if sample.time < 0.19]
     assert max(map(abs, before)) < 0.01
+
+
+def test_a_jump_of_the_encoder_that_its_motor_might_make_is_noticed(sim):
+    """0.5 rad: the motor may turn by 2.2 rad in ten cycles, the output by 0.1 rad."""
+    counts = round(0.5 / (2 * math.pi) * 2**19)
+
+    def jump(frame: Frame) -> Frame:
+        return Frame(frame.can_id, ((int.from_bytes(frame.data, "little") + counts) % 2**31).to_bytes(4, "little"))
+
+    sim.world.schedule(sim.world.time + 0.2, lambda: sim.world.bus.add_hook(corrupt(process_data_of(3), jump)))
+    outcome = run_on(sim, sweep_torque(0.05, 2000), MemoryLog())
+    assert isinstance(outcome.error, ReadingError)
+    assert "jumped to 0." in str(outcome.error)
 
 
 def turn(mode: Mode, value: float, axis: str = "motor") -> Steps:
@@ -449,6 +550,142 @@ def test_a_frozen_motor_that_no_other_device_shows_is_held_by_the_speed_limit_in
     assert isinstance(outcome.error, AbortedError)
     assert peak.speed < 1.1 * 220.0 + 3.0  # what 0.1 N*m adds in the drive's cycle of 1 ms
     sim.bench.close()
+
+
+def speed_up(value: float) -> Steps:
+    """Turn the motor at `value` rad/s, reached in 0.4 s: its torque limit allows no step."""
+    for k in itertools.count(1):
+        yield Command(motor=Setpoint(Mode.VELOCITY, value * min(k / 400, 1.0)))
+
+
+SENSORS = {"output_encoder": 3, "torque_sensor": 4}
+
+
+def fail(sim, fault: str, node: int, time: float) -> None:
+    """Let a sensor go bad for good at `time` s: one of the named faults, or a process value at the end of its range."""
+    if fault != "saturated":
+        FAULTS[fault].inject(sim.world, node, time)
+        return
+    full = corrupt(process_data_of(node), lambda frame: Frame(frame.can_id, b"\xff\xff\xff\x7f"))
+    sim.world.schedule(time, lambda: sim.world.bus.add_hook(full))
+
+
+def speed_when_let_go(sim) -> list[float]:
+    """Note the true speed (rad/s) of the motor whenever its drive is told to disable the voltage."""
+    speeds = []
+    disable = bytes.fromhex("2b4060 00") + bytes(4)
+
+    def look(sender, frame):
+        if sender == MASTER and frame == (0x601, disable):
+            speeds.append(sim.plant.truth().motor_velocity)
+        return (Delivery(frame),)
+
+    sim.world.bus.add_hook(look)
+    return speeds
+
+
+@pytest.mark.parametrize("reaction", ["ramp", "quick-stop"])
+@pytest.mark.parametrize(
+    ("fault", "sensor", "first"),
+    [
+        *((fault, sensor, first) for fault, first in BAD_SENSOR.items() for sensor in SENSORS),
+        ("saturated", "torque_sensor", "end of its range"),
+    ],
+)
+def test_a_sensor_that_stays_bad_does_not_keep_the_drives_from_stopping_the_shaft(fault, sensor, first, reaction):
+    sim = sim_bench(('reaction = "ramp"', f'reaction = "{reaction}"'))
+    sim.bench.open()
+    fail(sim, fault, SENSORS[sensor], sim.world.time + 0.5)
+    speeds, peak = speed_when_let_go(sim), Peak(sim)
+    log = MemoryLog()
+    log.on_sample = peak.see
+    outcome = run_on(sim, speed_up(100.0), log)
+    assert first in str(outcome.error) or any(first in note for note in outcome.error.__notes__)
+    assert sensor.split("_")[0] in str(outcome.error)
+    assert peak.speed == pytest.approx(100.0, abs=5.0)
+    assert outcome.safe_state.reaction == reaction
+    assert outcome.safe_state.confirmed
+    told = " ".join((str(outcome.error), *outcome.error.__notes__))
+    assert told.count("Check the device's power") <= 1
+    assert outcome.safe_state.problem == ""  # the sensor's trouble is the error itself
+    # a velocity loop still follows the last step of its ramp, 0.5 rad/s; a quick stop ends in the drive itself
+    assert abs(speeds[0]) < 1.0
+    with contextlib.suppress(RigError):  # what a device no longer answers cannot be restored, and is said
+        sim.bench.close()
+
+
+def test_a_shaft_that_follows_positions_is_stopped_by_its_drive_and_the_record_says_so():
+    sim = sim_bench(("motor_torque = 0.25", "motor_torque = 0.5"))  # the position loop swings
+    sim.bench.open()
+
+    def follow() -> Steps:
+        """Reach 50 rad/s in 0.4 s and end there."""
+        sample = yield Command()
+        position = sample.motor_position
+        for k in range(401):
+            position += 1e-3 * 50.0 * k / 400
+            yield Command(motor=Setpoint(Mode.POSITION, position))
+        return Result
+
+    speeds, peak = speed_when_let_go(sim), Peak(sim)
+    log = MemoryLog()
+    log.on_sample = peak.see
+    outcome = run_on(sim, follow(), log)
+    assert outcome.error is None
+    assert peak.speed > 45.0
+    assert outcome.safe_state.reaction == "quick-stop"
+    assert abs(speeds[-1]) < 1.0
+    sim.bench.close()
+
+
+def test_the_record_says_that_nothing_was_ramped_where_both_axes_were_released(sim):
+    def rest() -> Steps:
+        yield Command()
+        return Result
+
+    outcome = run_on(sim, rest(), MemoryLog())
+    assert outcome.error is None
+    assert outcome.safe_state.reaction == "disable"
+    assert outcome.safe_state.confirmed
+
+
+def test_a_drive_that_refuses_its_quick_stop_does_not_keep_the_other_from_ending_its_own():
+    sim = sim_bench(('reaction = "ramp"', 'reaction = "quick-stop"'))
+    sim.bench.open()
+    quick_stop = bytes.fromhex("2b4060 00 0200 0000")
+    refused = corrupt(
+        lambda sender, frame: sender == MASTER and frame == (0x602, quick_stop),
+        lambda frame: Frame(frame.can_id, bytes.fromhex("234060 00 0200 0000")),  # four bytes for two: an abort at once
+    )
+    sim.world.bus.add_hook(refused)
+
+    def both() -> Steps:
+        for k in range(500):
+            load = Setpoint(Mode.TORQUE, 0.0)
+            yield Command(motor=Setpoint(Mode.VELOCITY, 100.0 * min(k / 400, 1.0)), load=load)
+        return Result
+
+    speeds = speed_when_let_go(sim)
+    outcome = run_on(sim, both(), MemoryLog())
+    assert isinstance(outcome.error, DriveFaultError)
+    assert outcome.error.device == "load"
+    assert abs(speeds[0]) < 1.0
+    assert outcome.safe_state.confirmed
+    sim.bench.close()
+
+
+def test_a_log_that_cannot_be_written_does_not_keep_the_drives_from_stopping_the_shaft(sim):
+    speeds, log = speed_when_let_go(sim), MemoryLog()
+
+    def fill_the_disk(sample: Sample) -> None:
+        if sample.cycle >= 500:
+            raise OSError("no space left on device")
+
+    log.on_sample = fill_the_disk
+    with pytest.raises(OSError, match="no space left"):
+        run_on(sim, speed_up(100.0), log)
+    assert abs(speeds[0]) < 1.0
+    assert log.texts("safe state") == ["ramp: motor switch-on disabled, load switch-on disabled; confirmed"]
 
 
 def test_a_restart_in_motion_is_named_as_such():

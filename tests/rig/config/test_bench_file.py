@@ -139,6 +139,20 @@ def test_roles_drivers_and_buses_are_checked_where_other_values_are_wrong():
     assert len(error.mistakes) == len(set(paths(error)))
 
 
+def test_the_output_encoder_turns_no_faster_than_the_load_drive_or_without_one_than_the_motor():
+    bench = load_bench("sim")[0]
+    alone = bench.model_copy(update={"devices": {r: d for r, d in bench.devices.items() if r != "load"}})
+    fastest = [{c.name: c.max_velocity for c in b.device_configs()}["output_encoder"] for b in (bench, alone)]
+    assert fastest == [10.0, 220.0]
+
+
+@pytest.mark.parametrize("limit", ["load_torque = 30.0", "load_velocity = 10.0"])
+def test_a_load_drive_needs_limits_of_torque_and_speed(limit):
+    error = broken((limit, ""))
+    assert paths(error) == [f"limits.{limit.split()[0]}"]
+    assert "a bench with a load drive bounds its" in str(error)
+
+
 def test_the_load_of_a_bus_is_checked_where_a_limit_is_wrong():
     error = broken(("motor_torque = 0.25", "motor_torque = -1"), ("cycle_rate = 1000", "cycle_rate = 2000"))
     assert paths(error) == ["limits.motor_torque", "cycle_rate"]
