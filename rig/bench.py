@@ -85,6 +85,8 @@ class Bench:
         self._buses: list[DeviceBus] = []
         self._devices: dict[str, Drive | Sensor] = {}
         self._drives: dict[Axis, Drive] = {}
+        self.torque_resolutions: Mapping[Axis, float] = {}
+        """N*m, one step of each drive's torque, as far as it said so."""
         self._setpoints: dict[Axis, Setpoint | None] = {Axis.MOTOR: None, Axis.LOAD: None}
 
     def open(self) -> tuple[DeviceInfo, ...]:
@@ -106,6 +108,7 @@ class Bench:
         if missing:
             raise NotConnectedError(missing)
         self._refuse_faults(infos)
+        self.torque_resolutions = {Axis(i.name): i.resolution for i in infos if i.name in self._drives and i.resolution}
         return tuple(infos)
 
     def _refuse_faults(self, infos: Sequence[DeviceInfo] = ()) -> None:

@@ -8,7 +8,8 @@ mille. Silence is therefore judged against what must be seen:
     output encoder  always                the load drive turns, or the motor by a whole turn
     torque sensor   always                the motor's or the load's torque changes and is held by something
 
-The bounds are far above what a quantised or filtered reading hides and what the gear's torsion takes up. No gear
+The bounds are far above what a quantised or filtered reading hides and what the gear's torsion takes up: a share of
+the bench's limit, and never less than three steps of the drive's torque. No gear
 ratio is needed: no drive winds up by a turn of its motor, nor by a degree at its output.
 """
 
@@ -40,6 +41,8 @@ MOTOR_TRAVEL = math.tau
 """rad at the motor that no torsion takes up."""
 HELD_MOTOR_SHARE, HELD_LOAD_SHARE = 0.25, 0.05
 """Change of a torque that reaches the torque sensor, as a share of the torque limit."""
+LEAST_STEPS = 3
+"""Steps of a drive's torque resolution within which a change is none, however small the bench's limit is beside it."""
 HELD_TRAVEL = 0.1
 """rad at the load within which its torque is held rather than spent on turning it."""
 
@@ -55,9 +58,13 @@ class Cause:
 
 
 class FrozenWatch:
-    """Looks at one run's samples every `CHECK_TIME` and raises ReadingError for a frozen reading."""
+    """Looks at one run's samples every `CHECK_TIME` and raises ReadingError for a frozen reading.
 
-    def __init__(self, limits: Limits) -> None:
+    `resolutions`: N*m that the drive of an axis shows and takes in one step; one that is not told counts as zero.
+    """
+
+    def __init__(self, limits: Limits, resolutions: Mapping[Axis, float]) -> None:
+        motor, load = (LEAST_STEPS * resolutions.get(axis, 0.0) for axis in (Axis.MOTOR, Axis.LOAD))
         shafts = {
             "motor_position": Cause("motor_position", MOTOR_TRAVEL),
             "output_position": Cause("output_position", OUTPUT_TRAVEL),
@@ -68,8 +75,8 @@ class FrozenWatch:
             return tuple(shafts[name] for name in names)
 
         held = (
-            Cause("motor_torque", HELD_MOTOR_SHARE * limits.motor_torque, "motor_position", MOTOR_TRAVEL),
-            Cause("load_torque", HELD_LOAD_SHARE * limits.load_torque, "load_position", HELD_TRAVEL),
+            Cause("motor_torque", max(HELD_MOTOR_SHARE * limits.motor_torque, motor), "motor_position", MOTOR_TRAVEL),
+            Cause("load_torque", max(HELD_LOAD_SHARE * limits.load_torque, load), "load_position", HELD_TRAVEL),
         )
         self._motor = _Device(
             "motor",
@@ -88,8 +95,8 @@ class FrozenWatch:
             _Device("torque_sensor", ("output_torque",), held, SENSOR_LOOKS),
         )
         self._drives = (
-            (self._motor, Axis.MOTOR, _Command(TORQUE_SHARE * limits.motor_torque)),
-            (self._load, Axis.LOAD, _Command(TORQUE_SHARE * limits.load_torque)),
+            (self._motor, Axis.MOTOR, _Command(max(TORQUE_SHARE * limits.motor_torque, motor))),
+            (self._load, Axis.LOAD, _Command(max(TORQUE_SHARE * limits.load_torque, load))),
         )
 
     def look(self, sample: Sample, setpoints: Mapping[Axis, Setpoint | None]) -> None:

@@ -208,7 +208,7 @@ class _Execution:
         self._operator = operator
         self._stop = stop
         self._on_progress = on_progress
-        self._frozen = FrozenWatch(self._limits)
+        self._frozen = FrozenWatch(self._limits, bench.torque_resolutions)
         self._look_every = max(1, round(CHECK_TIME * bench.config.cycle_rate))
         self._progress_every = max(1, bench.config.cycle_rate // 5)
         self._begin = self._deadline = self._clock.now()
