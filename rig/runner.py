@@ -397,7 +397,7 @@ class _Execution:
         problems = _Problems(self._named(cause))
         taken: list[str] = []
         stop = True
-        if self._bench.config.safety.reaction is Reaction.RAMP and not _runs_away(cause):
+        if self._bench.config.safety.reaction is Reaction.RAMP and not (_runs_away(cause) or self._lost_a_drive()):
             commanded = self._commanded()
             if any(value for mode, value in commanded.values() if mode is not Mode.POSITION):
                 taken.append(Reaction.RAMP)
@@ -432,6 +432,15 @@ class _Execution:
         if isinstance(cause, LimitError) and cause.signal == "output_torque":
             named.add("torque_sensor")
         return named
+
+    def _lost_a_drive(self) -> bool:
+        """Tell whether a drive that was told something carries no torque: nothing holds what another still pushes."""
+        commanded = self._commanded()
+        try:
+            readings = self._bench.readings()
+        except Exception:  # a drive whose reading makes no sense is no drive to rely on
+            return bool(commanded)
+        return any(axis in readings and not readings[axis].state.energised for axis in commanded)
 
     def _take_torque(self, problems: "_Problems") -> Mapping[Axis, DriveState]:
         """Disable every drive; where one fails, quick stop is the second way. Give the last state read of each."""

@@ -888,3 +888,26 @@ def test_all_devices_that_do_not_answer_are_named_in_one_error():
         sim.bench.open()
     assert set(caught.value.missing) == {"output_encoder", "torque_sensor"}
     sim.bench.close()
+
+
+def hold_against_the_load(torque: float) -> Steps:
+    """Hold the motor's angle while the load torque rises to `torque` N*m within a second."""
+    sample = yield Command()
+    assert sample.motor_position is not None
+    for k in itertools.count():
+        load = Setpoint(Mode.TORQUE, torque * min(k / 1000, 1.0))
+        yield Command(motor=Setpoint(Mode.POSITION, sample.motor_position), load=load)
+
+
+def test_a_load_that_nothing_holds_any_more_is_stopped_by_its_drive_at_once():
+    """With the motor gone, 16 N*m at the output would take it to 240 rad/s within a ramp of 0.2 s."""
+    sim = sim_bench()
+    sim.bench.open()
+    FAULTS["drive-fault"].inject(sim.world, 1, sim.world.time + 1.5)
+    log, peak = MemoryLog(), Peak(sim)
+    log.on_sample = peak.see
+    outcome = run_on(sim, hold_against_the_load(16.0), log)
+    assert isinstance(outcome.error, DriveFaultError)
+    assert outcome.safe_state.reaction == "quick-stop"
+    assert outcome.safe_state.confirmed
+    assert peak.speed < 60.0
