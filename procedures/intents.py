@@ -2,7 +2,7 @@
 
 A procedure is a generator: it yields an intent and receives the sample of the cycle that followed. It returns how
 its result is computed, not the result: that takes longer than a cycle, and is done when the bench is safe.
-`Command` takes exactly one control cycle; the others take no cycle of their own and return the latest sample.
+`Command` takes exactly one control cycle; the others return the latest sample, after as many cycles as they need.
 """
 
 from collections.abc import Callable, Generator

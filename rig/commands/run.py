@@ -320,7 +320,9 @@ def _report(records: tuple[JobRecord, ...], options: RunOptions) -> None:
     console = Console()
     for record in records:
         console.print(result_table(record.procedure, record.result))
-    tell(f"Logs in {options.out}. Next: rig loop {options.out}")
+    # a starting torque is no equation of the loop: by itself it leads nowhere
+    loops = any(record.procedure != "starting-torque" for record in records)
+    tell(f"Logs in {options.out}." + (f" Next: rig loop {options.out}" if loops else ""))
 
 
 def result_table(title: str, result: Result) -> Table:
