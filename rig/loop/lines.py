@@ -31,7 +31,7 @@ LEAST_CYCLES = 0.9
 HIGHEST_ORDER = 2000.0
 USUAL_HIGHEST_ORDER = 200.0
 """Cycles per revolution searched at least where legs differ in speed, although a log may sample them less than twice:
-at one speed a line looks like any of its aliases, at several it does not."""
+at several speeds most aliases differ; those that do not are dealt with in `rig.loop.aliases`."""
 
 OTHER_SPEED = 0.02
 """Relative difference from which legs differ in speed."""
