@@ -121,7 +121,7 @@ def test_every_effect_agrees_with_its_second_formula(effect_id: str):
             )
             for p in effect.parameters
         }
-        size = abs(values[effect.amplitude])
+        size = abs(values[effect.amplitudes[0]])
         by_model = effect.function(*signals.values(), *values.values())
         second = float(SECOND_FORMULAS[effect_id](**signals, **values))
         # angles of 2000 rad times orders of 840: the last digit of their product is 2e-10 rad

@@ -95,7 +95,7 @@ def draw_effect(seed: int) -> ActiveEffect:
     effect = CATALOGUE[list(CATALOGUE)[int(random.integers(len(CATALOGUE)))]]
     values = []
     for parameter in effect.parameters:
-        if parameter.name == effect.amplitude:
+        if parameter.name in effect.amplitudes:
             values.append(parameter.typical * math.exp(random.uniform(-SPREAD, SPREAD)))
         elif parameter.name == "phase":
             values.append(float(random.uniform(-math.pi, math.pi)))

@@ -8,7 +8,7 @@ import pytest
 
 from drivers.signals import BY_NAME
 from sim_backend.model.arrays import evaluate, evaluate_slope
-from sim_backend.model.effects import CATALOGUE, ActiveEffect, Effect, Enters
+from sim_backend.model.effects import CATALOGUE, ActiveEffect, Effect, Energy, Enters
 from sim_backend.model.parameters import HarmonicDrive, PlantConfig
 from sim_backend.plant import Plant
 from sim_backend.ports import AxisMode
@@ -51,7 +51,7 @@ def run(effects: list[ActiveEffect], *, step: float = 2e-5, lossless: bool = Fal
 @every_effect
 def test_the_entry_is_complete_and_says_what_it_shares_with_others(effect: Effect):
     for item in fields(Effect):
-        if item.name not in ("slope", "conservative"):
+        if item.name not in ("slope", "linear", "memory", "reads"):
             assert getattr(effect, item.name), f"{effect.id}: {item.name} is empty"
     assert CATALOGUE[effect.id] is effect
     assert effect.id == effect.id.lower().replace("_", "-")
@@ -67,7 +67,7 @@ def test_units_and_ranges_are_sane(effect: Effect):
         assert p.low <= p.typical <= p.high
         assert p.low < p.high
         assert math.isfinite(p.typical)
-    amplitude = effect.parameters[names.index(effect.amplitude)]
+    amplitude = effect.parameters[names.index(effect.amplitudes[0])]
     assert amplitude.low <= 0.0 < amplitude.typical
     if amplitude.unit == effect.unit:
         assert UNITS.get(effect.enters, effect.unit) == effect.unit
@@ -84,10 +84,10 @@ def test_it_depends_on_signals_of_the_bench(effect: Effect):
 @every_effect
 def test_its_addition_is_linear_in_the_amplitude(effect: Effect):
     signals = signals_for(effect)
-    one = evaluate(effect, signals, typical(effect, **{effect.amplitude: 1.0}))
+    one = evaluate(effect, signals, typical(effect, **dict.fromkeys(effect.amplitudes, 1.0)))
     for factor in (0.0, 0.25, -3.0):
         # powers of two and small integers times rounded numbers: a few units in the last place
-        scaled = evaluate(effect, signals, typical(effect, **{effect.amplitude: factor}))
+        scaled = evaluate(effect, signals, typical(effect, **dict.fromkeys(effect.amplitudes, factor)))
         assert scaled == pytest.approx(factor * one, rel=1e-14, abs=1e-300)
 
 
@@ -108,7 +108,7 @@ def test_its_slope_is_the_derivative_with_respect_to_the_motor_angle(effect: Eff
 @every_plant_effect
 def test_zero_amplitude_equals_absent_to_the_last_bit(effect: Effect):
     absent = run([]).truth()
-    assert run([ActiveEffect(effect, typical(effect, **{effect.amplitude: 0.0}))]).truth() == absent
+    assert run([ActiveEffect(effect, typical(effect, **dict.fromkeys(effect.amplitudes, 0.0)))]).truth() == absent
     assert run([ActiveEffect(effect, typical(effect))]).truth() != absent
 
 
@@ -126,7 +126,7 @@ def test_over_a_closed_cycle_it_creates_no_energy(effect: Effect):
     work = np.trapezoid(torque, travel)
     gross = np.trapezoid(np.abs(torque), np.cumsum(np.abs(np.gradient(travel))))
     # trapezoid over 200 000 points: relative error below 1e-6
-    if effect.conservative:
+    if effect.energy is Energy.CONSERVATIVE:
         assert abs(work) <= 1e-6 * gross
     else:
         assert work >= -1e-6 * gross
@@ -135,7 +135,7 @@ def test_over_a_closed_cycle_it_creates_no_energy(effect: Effect):
 @every_plant_effect
 def test_in_the_plant_energy_is_conserved_with_it(effect: Effect):
     truth = run([ActiveEffect(effect, typical(effect))], lossless=True).truth()
-    if effect.conservative:
+    if effect.energy is Energy.CONSERVATIVE:
         assert truth.heat == 0.0
     # second order in the step: what is left at 2e-5 s is far below the 1e-4 which the bench promises
     assert truth.work - truth.stored - truth.effect_work - truth.heat == pytest.approx(0.0, abs=1e-5 * truth.work)

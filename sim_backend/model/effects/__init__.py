@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from sim_backend.model.effects import cogging, gravity_load, kinematic_error
-from sim_backend.model.effects.effect import ActiveEffect, Effect, Enters, Parameter, Shape
+from sim_backend.model.effects.effect import ActiveEffect, Effect, Energy, Enters, Parameter, Shape
 
-__all__ = ["CATALOGUE", "ActiveEffect", "Effect", "Enters", "Parameter", "Shape"]
+__all__ = ["CATALOGUE", "ActiveEffect", "Effect", "Energy", "Enters", "Parameter", "Shape"]
 
 CATALOGUE: Mapping[str, Effect] = MappingProxyType(
     {

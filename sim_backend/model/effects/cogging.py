@@ -8,7 +8,7 @@ Source: permanent-magnet motor literature.
 
 import math
 
-from sim_backend.model.effects.effect import Effect, Enters, Parameter, Shape
+from sim_backend.model.effects.effect import Effect, Energy, Enters, Parameter, Shape
 
 
 def cogging(motor_position: float, amplitude: float, order: float, phase: float) -> float:
@@ -30,10 +30,9 @@ EFFECT = Effect(
         Parameter("order", "1/rev", 0.0, 1e4, 84.0, "cycles per motor turn"),
         Parameter("phase", "rad", -2 * math.pi, 2 * math.pi, 0.0, "phase at motor_position = 0"),
     ),
-    amplitude="amplitude",
+    amplitudes=("amplitude",),
     function=cogging,
-    slope=None,
-    conservative=True,
+    energy=Energy.CONSERVATIVE,
     shows=("free-run", "starting-torque"),
     confusable=("position-dependent-friction", "torque-ripple", "kinematic-error"),
     separated_by="both directions (half-sum and half-difference); a ladder of currents at the same angles",

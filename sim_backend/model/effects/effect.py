@@ -1,10 +1,12 @@
 """What an effect is: one file with one scalar function, used by the plant and by the fit alike.
 
-The function's arguments are contract signals by name (`motor_position`, `output_torque`, ...) followed by the
-effect's parameters by name; it returns what the effect adds. It is plain scalar code that numba can compile.
+The function's arguments are signals by name (`motor_position`, `output_torque`, ...), then, for an effect that
+remembers, `step` and `memory`, then the effect's parameters by name; it returns what the effect adds. It is plain
+scalar code that numba can compile and uses nothing but its arguments, `math` and builtins.
 """
 
 import inspect
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
@@ -15,14 +17,18 @@ from sim_backend.errors import ModelError
 class Enters(StrEnum):
     """Where an effect acts."""
 
+    BASE = "base"
+    """A term of the base model: always there; its parameters are those of the drive or the bench."""
     TORSION = "torsion"
-    """Adds an angle (rad, at the output) to the torsion."""
+    """Adds an angle (rad, at the output) to the torsion: a spring, gap or error in series with the flexspline."""
     MOTOR_BALANCE = "motor balance"
     """Adds a torque (N*m) that the motor must overcome."""
     OUTPUT_BALANCE = "output balance"
     """Adds a torque (N*m) that the output must overcome."""
+    FRICTION = "friction"
+    """Adds to the level (N*m, magnitude, seen at the motor) of the dry friction in the mesh, which opposes motion."""
     READING = "reading"
-    """Adds to what an instrument shows."""
+    """Adds to what an instrument shows of the signal `reads`; the signals it takes are the true ones."""
 
 
 class Shape(StrEnum):
@@ -37,9 +43,26 @@ class Shape(StrEnum):
     EVENT = "event"
 
 
+class Energy(StrEnum):
+    """What a closed cycle of the effect does with energy."""
+
+    CONSERVATIVE = "conservative"
+    """Nothing."""
+    DISSIPATIVE = "dissipative"
+    """Takes energy or nothing, whatever the cycle."""
+    ACTIVE = "active"
+    """Can put energy in: it comes from current or heat, not from the shaft."""
+    NONE = "none"
+    """An instrument's error moves nothing by itself."""
+
+
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One parameter: unit, physically possible range, and its typical size on a size-17, ratio-100 drive."""
+    """One parameter: unit, physically possible range, and its typical size on a size-17, ratio-100 drive.
+
+    `known`: not estimated in a fit but taken from the device, the bench or the conditions (a ratio, a reference
+    temperature, a count).
+    """
 
     name: str
     unit: str
@@ -47,17 +70,23 @@ class Parameter:
     high: float
     typical: float
     meaning: str
+    known: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Effect:
     """One entry of the catalogue.
 
-    `function(signals..., parameters...)` returns the addition in `unit`, linear in the parameter `amplitude`.
-    `slope` is its derivative with respect to `motor_position` at the same arguments, for effects in the torsion
-    that react on the motor; None where there is none. `variable` and `shape` say what it depends on and how;
-    `shows` names the procedures that show it, `confusable` the ids it can be taken for and `separated_by` the
-    experiment that tells them apart. `conservative`: a closed cycle takes no energy.
+    `function(signals..., [step, memory,] parameters...)` returns the addition in `unit`. With `amplitudes` at zero the
+    effect is absent; where `linear`, the addition is linear in them taken together.
+    `slope`, with the same arguments, is for effects in the torsion that depend on `motor_position`: the torque with
+    which the effect helps to drive the motor, per N*m of output torque. That is the derivative of its coenergy
+    (integral of the addition over the output torque) by motor_position, divided by the output torque; for an addition
+    that does not depend on the torque, simply its derivative. It is called after `function` and leaves `memory` alone.
+    `memory`: how many numbers the effect remembers, all zero before the first call; `step`: s since the last call.
+    `reads`: the signal whose reading it changes (READING only, else empty).
+    `variable` and `shape` say what it depends on and how; `shows` names the procedures that show it, `confusable` the
+    ids it can be taken for and `separated_by` the experiment that tells them apart. `parameters` are in order.
     """
 
     id: str
@@ -69,19 +98,22 @@ class Effect:
     shape: Shape
     unit: str
     parameters: tuple[Parameter, ...]
-    amplitude: str
+    amplitudes: tuple[str, ...]
     function: Callable[..., float]
-    slope: Callable[..., float] | None
-    conservative: bool
+    energy: Energy
     shows: tuple[str, ...]
     confusable: tuple[str, ...]
     separated_by: str
+    linear: bool = True
+    slope: Callable[..., float] | None = None
+    memory: int = 0
+    reads: str = ""
 
     @property
     def signals(self) -> tuple[str, ...]:
         """Names of the signals which the function takes, in order."""
         names = tuple(inspect.signature(self.function).parameters)
-        return names[: len(names) - len(self.parameters)]
+        return names[: len(names) - len(self.parameters) - (2 if self.memory else 0)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,8 +125,8 @@ class ActiveEffect:
 
     def __post_init__(self) -> None:
         for parameter, value in zip(self.effect.parameters, self.values, strict=True):
-            if not parameter.low <= value <= parameter.high:
+            if not (math.isfinite(value) and parameter.low <= value <= parameter.high):
                 raise ModelError(
                     f"{self.effect.id}: {parameter.name} = {value!r} {parameter.unit} is outside "
-                    f"{parameter.low:g} to {parameter.high:g} {parameter.unit}."
+                    f"{parameter.low:g} to {parameter.high:g} {parameter.unit}; {self.effect.equation} needs it."
                 )

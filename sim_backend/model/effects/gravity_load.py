@@ -7,7 +7,7 @@ Source: statics.
 
 import math
 
-from sim_backend.model.effects.effect import Effect, Enters, Parameter, Shape
+from sim_backend.model.effects.effect import Effect, Energy, Enters, Parameter, Shape
 
 
 def gravity_load(output_position: float, amplitude: float, phase: float) -> float:
@@ -28,10 +28,9 @@ EFFECT = Effect(
         Parameter("amplitude", "N*m", 0.0, 1e4, 0.5, "mass times gravity times lever"),
         Parameter("phase", "rad", -2 * math.pi, 2 * math.pi, 0.0, "phase at output_position = 0"),
     ),
-    amplitude="amplitude",
+    amplitudes=("amplitude",),
     function=gravity_load,
-    slope=None,
-    conservative=True,
+    energy=Energy.CONSERVATIVE,
     shows=("free-run", "backdrive"),
     confusable=("output-encoder-eccentricity", "torque-sensor-offset"),
     separated_by="turn the bench about the axis, or fit a counterweight",

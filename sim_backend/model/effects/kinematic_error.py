@@ -8,7 +8,7 @@ Castejon, Garcia-Prada & Lara 2009, equations (5), (17)-(19).
 
 import math
 
-from sim_backend.model.effects.effect import Effect, Enters, Parameter, Shape
+from sim_backend.model.effects.effect import Effect, Energy, Enters, Parameter, Shape
 
 
 def kinematic_error(motor_position: float, amplitude: float, order: float, phase: float) -> float:
@@ -35,10 +35,10 @@ EFFECT = Effect(
         Parameter("order", "1/rev", 0.0, 1e4, 2.0, "cycles per wave-generator turn"),
         Parameter("phase", "rad", -2 * math.pi, 2 * math.pi, 0.0, "phase at motor_position = 0"),
     ),
-    amplitude="amplitude",
+    amplitudes=("amplitude",),
     function=kinematic_error,
     slope=kinematic_error_slope,
-    conservative=True,
+    energy=Energy.CONSERVATIVE,
     shows=("free-run", "locked-output"),
     confusable=("motor-encoder-eccentricity", "stiffness-modulation", "flexspline-compliance"),
     separated_by="8 to 16 start angles, or a slow free run in both directions; re-clock the encoder for order 1",

@@ -56,7 +56,7 @@ def test_a_line_is_the_function_of_its_catalogue_effect(kind) -> None:
 
 
 def effect_scale(effect) -> float:
-    return float(next(p.typical for p in effect.parameters if p.name == effect.amplitude))
+    return float(next(p.typical for p in effect.parameters if p.name == effect.amplitudes[0]))
 
 
 def test_white_noise_has_a_correlation_length_of_one_sample() -> None:
