@@ -133,7 +133,8 @@ def _columns(pieces: Sequence[Piece], model: Model) -> Columns:
     for piece in pieces:
         used |= predict(piece, model).base.keys()
     names = tuple(name for name in model.table.names if name in used)
-    return Columns(names, tuple(line.kind.fixed_order is None for line in model.lines))
+    free_order = tuple(line.kind.fixed_order is None for line in model.lines)
+    return Columns(names, free_order, tuple(len(term.free) for term in model.shapes))
 
 
 def _state(pieces: Sequence[Piece], model: Model, columns: Columns, noise: dict[Kind, Noise], block: float) -> Fit:
@@ -185,4 +186,5 @@ def _moved(model: Model, columns: Columns, step: Floats) -> Model:
         lines.append(
             replace(line, sine=line.sine + float(change[0]), cosine=line.cosine + float(change[1]), order=order)
         )
-    return replace(model, values=values, lines=tuple(lines))
+    shapes = tuple(term.moved(step[columns.of_shape(number)]) for number, term in enumerate(model.shapes))
+    return replace(model, values=values, lines=tuple(lines), shapes=shapes)

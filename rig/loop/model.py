@@ -18,6 +18,7 @@ in for the measured torque. In a turning run detent torque, inertia and the fric
 stay in the rotor: the wave generator carries the load and the rest of the running friction.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +28,7 @@ from rig.log.run import ProcedureName
 from rig.loop.equations import Equation, Law, Piece
 from rig.loop.parameters import ParameterTable
 from rig.loop.play import play_path
+from rig.loop.shapes import Place, ShapeTerm, addition, derivatives, place_of, reaction, reaction_derivatives
 from rig.loop.terms import Entry, Line, LineValues, TermClass, line_values
 from rig.loop.tracks import Track
 from sim_backend.model.compliance import (
@@ -35,6 +37,7 @@ from sim_backend.model.compliance import (
     wave_generator_stiffness,
     wave_generator_torsion,
 )
+from sim_backend.model.effects import Effect
 
 Floats = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -43,14 +46,21 @@ ANGLE_PASSES = 2
 """Rounds in which the predicted angle takes up what the lines add; an error of 1e-4 rad is then known to 1e-8."""
 
 
+ANGLES = ("motor_position", "output_position")
+
+LEAST_LEVEL = 1e-3
+"""Share of the base level of friction that is left whatever is taken from it."""
+
+
 @dataclass(frozen=True, slots=True)
 class Model:
-    """Base parameters in the order of `table`, the lines added to them, and the gear ratio (None: unknown)."""
+    """Base parameters in the order of `table`, lines and shapes added to them, and the gear ratio (None: unknown)."""
 
     table: ParameterTable
     values: Floats
     ratio: float | None
     lines: tuple[Line, ...] = ()
+    shapes: tuple[ShapeTerm, ...] = ()
 
     def value(self, name: str) -> float:
         """Give one base parameter, SI."""
@@ -72,10 +82,11 @@ class Route:
 class Evaluation:
     """Prediction (n,) of a piece over its whole track.
 
-    `base`: derivative (n,) by base parameter. `angle`: whether an addition to the torsion shows; `motor`, `load`:
-    how additions to the motor and the output balance show. `positions`: the angles that terms may use, by signal.
-    `torque`: output torque by which an angle error acts on the motor. `settled`: the law determines it,
-    whatever the start of a play was and whatever a servo does within the friction.
+    `base`: derivative (n,) by base parameter. `angle`: whether an addition to the torsion shows; `motor`, `load`,
+    `friction`: how additions to the motor and the output balance and to the level of friction show. `signals`: what
+    terms may use, by name; `positions`: the angles among them. `torque`: output torque by which an angle error acts on
+    the motor. `settled`: the law determines it, whatever the start of a play was and whatever a servo does within the
+    friction. `ratio`: of the gear, 1 where it is unknown.
     """
 
     value: Floats
@@ -83,10 +94,21 @@ class Evaluation:
     angle: bool
     motor: Route | None
     load: Route | None
-    positions: dict[str, Floats]
+    friction: Route | None
+    signals: dict[str, Floats]
     torque: Floats
-    direction: Floats
     settled: NDArray[np.bool_]
+    ratio: float
+
+    @property
+    def positions(self) -> dict[str, Floats]:
+        """The angles that lines may use, by signal."""
+        return {name: self.signals[name] for name in ANGLES if name in self.signals}
+
+    @property
+    def direction(self) -> Floats:
+        """Sign of the speed, shape (n,)."""
+        return self.signals["direction"]
 
     def columns(self, kind: TermClass, values: LineValues, rows: Rows) -> tuple[Floats, Floats, Floats]:
         """Give the derivatives at the samples `rows` (m,) by sine, cosine and order of a line of this kind.
@@ -100,9 +122,10 @@ class Evaluation:
             (values.by_order, values.slope_by_order),
         ):
             column = np.zeros(rows.size)
-            if self.angle and kind.entry.is_angle:
-                column += plain[rows]
-            motor = motor_addition(kind.entry, plain, sloped, self.torque, self.direction)
+            angle = angle_addition(kind.entry, plain, self.torque, self.ratio)
+            if self.angle and angle is not None:
+                column += angle[rows]
+            motor = motor_addition(kind.entry, plain, sloped, self.torque, self.signals)
             if self.motor is not None and motor is not None:
                 column += _through(self.motor, motor, rows)
             load = load_addition(kind.entry, plain, self.direction)
@@ -111,16 +134,75 @@ class Evaluation:
             found.append(column)
         return found[0], found[1], found[2]
 
+    def shape_columns(self, term: ShapeTerm, rows: Rows, step: float) -> list[Floats] | None:
+        """Give the derivatives at the samples `rows` (m,) by every free parameter; None if the term does not act.
 
-def motor_addition(entry: Entry, value: Floats, slope: Floats, torque: Floats, direction: Floats) -> Floats | None:
+        `step`: s between the track's samples.
+        """
+        if not self.shows(term.effect):
+            return None
+        added = derivatives(term, self.signals, step)
+        if added is None:
+            return None
+        backs = [None] * len(added) if self.motor is None else reaction_derivatives(term, self.signals, step)
+        return [self.shown(term.effect, value, back, rows) for value, back in zip(added, backs, strict=True)]
+
+    def shows(self, effect: Effect) -> bool:
+        """Whether the effect can change the prediction."""
+        match place_of(effect):
+            case Place.ANGLE:
+                return self.angle or (effect.slope is not None and self.motor is not None)
+            case Place.MOTOR:
+                return self.motor is not None
+            case Place.LOAD:
+                return self.load is not None
+            case Place.FRICTION:
+                return self.friction is not None
+
+    def shown(self, effect: Effect, added: Floats, back: Floats | None, rows: Rows) -> Floats:
+        """Give what an addition (n,) and its reaction on the motor do to the prediction at the samples `rows`."""
+        route = {Place.MOTOR: self.motor, Place.LOAD: self.load, Place.FRICTION: self.friction}.get(place_of(effect))
+        if route is not None:
+            return _through(route, added, rows)
+        column = added[rows] / _gear_of(effect, self.ratio) if self.angle else np.zeros(rows.size)
+        if back is not None and self.motor is not None:
+            column = column - _through(self.motor, self.torque * back, rows)
+        return column
+
+
+def _gear_of(effect: Effect, ratio: float) -> float:
+    """Give what an angle is divided by before it counts at the output."""
+    return ratio if effect.reads == "motor_position" else 1.0
+
+
+def angle_addition(entry: Entry, value: Floats, torque: Floats, ratio: float) -> Floats | None:
+    """Give what a term adds to the torsion (rad, shape (n,)), None if nothing."""
+    match entry:
+        case Entry.TORSION | Entry.ANGLE_ONLY:
+            return value
+        case Entry.MOTOR_ANGLE:
+            return value / ratio
+        case Entry.TORSION_TIMES_TORQUE:
+            return torque * value
+        case _:
+            return None
+
+
+def motor_addition(
+    entry: Entry, value: Floats, slope: Floats, torque: Floats, signals: Mapping[str, Floats]
+) -> Floats | None:
     """Give what a term adds to the motor balance (N*m, shape (n,)), None if nothing."""
     match entry:
         case Entry.MOTOR:
             return value
         case Entry.TORSION:
             return -torque * slope
+        case Entry.TORSION_TIMES_TORQUE:
+            return -0.5 * torque**2 * slope
+        case Entry.MOTOR_TIMES_TORQUE:
+            return signals["motor_torque"] * value if "motor_torque" in signals else None
         case Entry.MOTOR_AGAINST_MOTION:
-            return direction * value
+            return signals["direction"] * value
         case _:
             return None
 
@@ -162,35 +244,79 @@ def _ratio(model: Model) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class _Additions:
-    """Sums over the model's lines, each (n,): to the torsion, to the output balance; values for the motor balance."""
+class _Added:
+    """What the model's terms add on a track: its lines at the run's angles, its shapes, and the signals they take."""
 
-    angle: Floats
-    load: Floats
-    evaluated: tuple[tuple[Entry, LineValues], ...]
+    lines: tuple[tuple[Entry, LineValues], ...]
+    shapes: tuple[ShapeTerm, ...]
+    step: float
+    ratio: float
 
-    def motor(self, torque: Floats, direction: Floats) -> Floats:
-        total = np.zeros(torque.size)
-        for entry, values in self.evaluated:
-            addition = motor_addition(entry, values.value, values.slope, torque, direction)
-            total = total if addition is None else total + addition
-        return total
+    def angle(self, signals: Mapping[str, Floats]) -> Floats:
+        """Give the sum added to the torsion, rad, shape (n,)."""
+        torque = signals["output_torque"]
+        parts = [angle_addition(entry, values.value, torque, self.ratio) for entry, values in self.lines]
+        parts += [
+            added / _gear_of(term.effect, self.ratio)
+            for term in self._at(Place.ANGLE)
+            if (added := addition(term, signals, self.step)) is not None
+        ]
+        return _sum(torque.size, parts)
+
+    def load(self, signals: Mapping[str, Floats]) -> Floats:
+        """Give the sum added to the output balance, N*m, shape (n,)."""
+        parts = [load_addition(entry, values.value, signals["direction"]) for entry, values in self.lines]
+        parts += [addition(term, signals, self.step) for term in self._at(Place.LOAD)]
+        return _sum(signals["direction"].size, parts)
+
+    def motor(self, signals: Mapping[str, Floats]) -> Floats:
+        """Give the sum added to the motor balance, N*m, shape (n,)."""
+        torque = signals["output_torque"]
+        parts = [motor_addition(entry, values.value, values.slope, torque, signals) for entry, values in self.lines]
+        parts += [addition(term, signals, self.step) for term in self._at(Place.MOTOR)]
+        backs = [reaction(term, signals, self.step) for term in self._at(Place.ANGLE)]
+        parts += [-torque * back for back in backs if back is not None]
+        return _sum(torque.size, parts)
+
+    def friction(self, signals: Mapping[str, Floats]) -> Floats | None:
+        """Give the sum added to the level of friction, N*m at the motor, shape (n,); None where nothing is."""
+        parts = [addition(term, signals, self.step) for term in self._at(Place.FRICTION)]
+        return _sum(signals["direction"].size, parts) if parts else None
+
+    def _at(self, place: Place) -> list[ShapeTerm]:
+        return [term for term in self.shapes if place_of(term.effect) is place]
 
 
-def _additions(track: Track, model: Model, positions: dict[str, Floats]) -> _Additions:
-    angle, load = np.zeros(track.size), np.zeros(track.size)
-    evaluated = []
-    for line in model.lines:
-        position = positions.get(line.kind.variable)
-        if position is None:
-            continue
-        values = line_values(line, position)
-        evaluated.append((line.kind.entry, values))
-        if line.kind.entry.is_angle:
-            angle = angle + values.value
-        addition = load_addition(line.kind.entry, values.value, track.direction)
-        load = load if addition is None else load + addition
-    return _Additions(angle, load, tuple(evaluated))
+def _sum(size: int, parts: Sequence[Floats | None]) -> Floats:
+    total = np.zeros(size)
+    for part in parts:
+        total = total if part is None else total + part
+    return total
+
+
+def _added(track: Track, model: Model, positions: Mapping[str, Floats]) -> _Added:
+    lines = tuple(
+        (line.kind.entry, line_values(line, positions[line.kind.variable]))
+        for line in model.lines
+        if line.kind.variable in positions
+    )
+    return _Added(lines, model.shapes, track.step, model.ratio or 1.0)
+
+
+def _signals(
+    track: Track, model: Model, positions: Mapping[str, Floats], T: Floats, M: Floats | None
+) -> dict[str, Floats]:
+    """Give what terms may use: T and M are the torques at the flexspline and of the motor, as far as known."""
+    found = {**track.auxiliary, **positions, "time": track.time, "direction": track.direction, "output_torque": T}
+    found["locked"] = np.full(track.size, float(track.procedure is ProcedureName.LOCKED_OUTPUT))
+    found["motor_velocity"] = track.speed
+    found["flexspline_torsion"] = flexspline_torsion(T, model.value("K_F0"), model.value("C_F"))
+    found["base_friction"] = np.abs(model.value("T_c")) + np.abs(model.value("b") * track.speed)
+    if M is not None:
+        found["motor_torque"] = M
+        if track.torque_constant is not None:
+            found["motor_current"] = M / track.torque_constant
+    return found
 
 
 def _positions(track: Track, ratio: float | None) -> dict[str, Floats]:
@@ -250,22 +376,26 @@ def _yield_of_lock(track: Track, output: Floats) -> Floats:
 def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Evaluation:
     N = _ratio(model)
     K_F0, C_F, K_w0, C_w = (model.value(name) for name in ("K_F0", "C_F", "K_w0", "C_w"))
-    additions = _additions(track, model, positions)
-    T = _load(track) - additions.load
+    added = _added(track, model, positions)
+    signals = _signals(track, model, positions, _load(track), track.M)
+    load = added.load(signals)
+    T = _load(track) - load
     compliance = 1.0 / flexspline_stiffness(T, K_F0, C_F)
     flexspline = flexspline_torsion(T, K_F0, C_F)
-    value = additions.angle + flexspline
+    signals |= {"output_torque": T, "flexspline_torsion": flexspline}
+    value = added.angle(signals) + flexspline
     base: dict[str, Floats] = {}
-    if track.T is not None or np.any(additions.load):
+    if track.T is not None or np.any(load):
         base = {"K_F0": -flexspline / K_F0, "C_F": (T * compliance - flexspline) / C_F}
-    motor_route, load_weight = None, -compliance
+    motor_route, friction, load_weight = None, None, -compliance
     if track.M is not None:
         sign = np.sign(track.speed)
         if track.moves:
-            M = T / N + sign * (model.value("T_c") - model.value("T_cr"))
+            level = added.friction(signals)
+            M = T / N + sign * (model.value("T_c") - model.value("T_cr") + (0.0 if level is None else level))
             M = M + track.speed * (model.value("b") - model.value("b_r"))
         else:
-            M = track.M - additions.motor(T, track.direction)
+            M = track.M - added.motor(signals)
         wound = wave_generator_torsion(M, K_w0, C_w) / N
         softness = 1.0 / (wave_generator_stiffness(M, K_w0, C_w) * N)
         value = value + wound
@@ -274,7 +404,7 @@ def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Eva
         if track.moves:
             base |= {"T_c": softness * sign, "T_cr": -softness * sign}
             base |= {"b": softness * track.speed, "b_r": -softness * track.speed}
-            load_weight = load_weight - softness / N
+            load_weight, friction = load_weight - softness / N, Route(softness * sign)
         else:
             motor_route = Route(-softness)
     elif track.moves:
@@ -285,9 +415,7 @@ def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Eva
         swing = -load_weight * _swing(track, model, positions)
         value = value + model.value("J_l") * swing
         base["J_l"] = swing
-    return Evaluation(
-        value, base, True, motor_route, Route(load_weight), positions, T, track.direction, _everywhere(track)
-    )
+    return Evaluation(value, base, True, motor_route, Route(load_weight), friction, signals, T, _everywhere(track), N)
 
 
 def _swing(track: Track, model: Model, positions: dict[str, Floats]) -> Floats:
@@ -312,38 +440,53 @@ def _load(track: Track) -> Floats:
 def _backdrive(track: Track, model: Model) -> Evaluation:
     N = _ratio(model)
     positions = _positions(track, N)
-    additions = _additions(track, model, positions)
-    T = _load(track) - additions.load
-    ones = np.ones(track.size)
+    added = _added(track, model, positions)
+    signals = _signals(track, model, positions, _load(track), None)
+    load = added.load(signals)
+    T = _load(track) - load
+    signals["output_torque"] = T
     play_load = np.zeros(track.size * track.fine) if track.play_load is None else track.play_load
-    path = play_path((play_load - np.repeat(additions.load, track.fine)) / N, model.value("T_fb") / N, track.fine)
-    value = path.output + additions.motor(T, track.direction) + model.value("M_0")
+    radius = _radius(model.value("T_fb") / N, added.friction(signals), track.fine)
+    path = play_path((play_load - np.repeat(load, track.fine)) / N, radius, track.fine)
+    signals["motor_torque"] = path.output
+    value = path.output + added.motor(signals) + model.value("M_0")
+    ones = np.ones(track.size)
     base = {"T_fb": -path.side / N, "M_0": ones}
-    carried = Route(np.where(path.slip >= 0, -1.0 / N, 0.0), np.maximum(path.slip, 0))
+    slipped, last = path.slip >= 0, np.maximum(path.slip, 0)
+    carried = Route(np.where(slipped, -1.0 / N, 0.0), last)
     # While the mesh sticks any motor torque within the friction holds the shaft: there the servo decides, not the law.
     known = path.settled & path.sliding
-    return Evaluation(value, base, False, Route(ones), carried, positions, T, track.direction, known)
+    return Evaluation(value, base, False, Route(ones), carried, Route(-path.side, last), signals, T, known, N)
 
 
 def _locked(track: Track, model: Model) -> Evaluation:
     N = _ratio(model)
     positions = _positions(track, N)
-    additions = _additions(track, model, positions)
+    added = _added(track, model, positions)
     drive = np.zeros(track.size * track.fine) if track.play_drive is None else track.play_drive
-    radius = N * model.value("T_fs")
-    path = play_path(N * drive, radius, track.fine)
+    path = play_path(N * drive, N * model.value("T_fs"), track.fine)
     stand_in = path.output
-    if model.lines:
-        reaction = np.repeat(additions.motor(stand_in, track.direction), track.fine)
-        path = play_path(N * (drive - reaction), radius, track.fine)
+    signals = _signals(track, model, positions, stand_in, track.M)
+    if model.lines or model.shapes:
+        against = np.repeat(added.motor(signals), track.fine)
+        path = play_path(
+            N * (drive - against), N * _radius(model.value("T_fs"), added.friction(signals), track.fine), track.fine
+        )
     ones = np.ones(track.size)
-    carried = Route(np.where(path.slip >= 0, -N, 0.0), np.maximum(path.slip, 0))
+    slipped, last = path.slip >= 0, np.maximum(path.slip, 0)
+    carried = Route(np.where(slipped, -N, 0.0), last)
     inertial = _through(carried, track.acceleration, np.arange(track.size))
-    value = path.output + additions.load + model.value("T_0") + model.value("J_r") * inertial
+    value = path.output + added.load(signals) + model.value("T_0") + model.value("J_r") * inertial
     base = {"T_fs": -N * path.side, "T_0": ones}
     if np.any(track.acceleration):
         base["J_r"] = inertial
-    return Evaluation(value, base, False, carried, Route(ones), positions, stand_in, track.direction, path.settled)
+    friction = Route(-N * path.side, last)
+    return Evaluation(value, base, False, carried, Route(ones), friction, signals, stand_in, path.settled, N)
+
+
+def _radius(level: float, added: Floats | None, fine: int) -> Floats | float:
+    """Give the radius of a play whose level grows by `added` (n,), one value for every fine sample."""
+    return level if added is None else np.repeat(np.maximum(level + added, LEAST_LEVEL * level), fine)
 
 
 def _motor(piece: Piece, model: Model) -> Evaluation:
@@ -351,33 +494,44 @@ def _motor(piece: Piece, model: Model) -> Evaluation:
     current = piece.equation is Equation.MOTOR_CURRENT
     coulomb, viscous, constant = ("i_c", "i_v", "i_0") if current else ("T_c", "b", "M_0")
     positions = _positions(track, model.ratio)
-    additions = _additions(track, model, positions)
-    T = _load(track) - additions.load
+    added = _added(track, model, positions)
+    signals = _signals(track, model, positions, _load(track), None)
+    load = added.load(signals)
+    T = _load(track) - load
+    signals["output_torque"] = T
     ones = np.ones(track.size)
-    value = additions.motor(T, track.direction) + model.value(constant)
+    running = np.zeros(track.size)
     base = {constant: ones}
-    load = None
+    load_route = friction = None
     if piece.law is Law.FREE_RUN:
         sign = np.sign(track.speed)
-        value = value + sign * model.value(coulomb) + track.speed * model.value(viscous)
+        level = added.friction(signals)
+        running = sign * (model.value(coulomb) + (0.0 if level is None else level)) + track.speed * model.value(viscous)
         base[coulomb], base[viscous] = sign, track.speed
-        if track.ripple is not None and not current and np.any(track.ripple.position):
-            value = value + model.value("J_r") * track.ripple.acceleration + model.value("K_r") * track.ripple.position
-            # as long as no term stands for the disturbance, the rotor's answer to it would be taken for it
-            if any(line.kind.entry in (Entry.MOTOR, Entry.MOTOR_AGAINST_MOTION) for line in model.lines):
-                base |= {"J_r": track.ripple.acceleration, "K_r": track.ripple.position}
+        friction = Route(sign)
         if model.ratio is not None and not current:
-            value = value + T / model.ratio
-            load = Route(-ones / model.ratio)
-    return Evaluation(value, base, False, Route(ones), load, positions, T, track.direction, _everywhere(track))
+            running = running + T / model.ratio
+            load_route = Route(-ones / model.ratio)
+    signals["motor_torque"] = running
+    value = running + added.motor(signals) + model.value(constant)
+    if piece.law is Law.FREE_RUN and track.ripple is not None and not current and np.any(track.ripple.position):
+        value = value + model.value("J_r") * track.ripple.acceleration + model.value("K_r") * track.ripple.position
+        # as long as no term stands for the disturbance, the rotor's answer to it would be taken for it
+        if any(line.kind.entry.equation is Equation.MOTOR_TORQUE for line in model.lines):
+            base |= {"J_r": track.ripple.acceleration, "K_r": track.ripple.position}
+    return Evaluation(
+        value, base, False, Route(ones), load_route, friction, signals, T, _everywhere(track), model.ratio or 1.0
+    )
 
 
 def _output(track: Track, model: Model) -> Evaluation:
     positions = _positions(track, model.ratio)
-    additions = _additions(track, model, positions)
-    sign, ones = np.sign(track.speed), np.ones(track.size)
+    added = _added(track, model, positions)
+    sign, ones, nothing = np.sign(track.speed), np.ones(track.size), np.zeros(track.size)
+    signals = _signals(track, model, positions, nothing, None)
     friction = sign * model.value("T_co") + track.speed * model.value("b_o")
-    value = additions.load + friction + track.acceleration * model.value("J_o") + model.value("T_0")
+    value = added.load(signals) + friction + track.acceleration * model.value("J_o") + model.value("T_0")
     base = {"T_co": sign, "b_o": track.speed, "J_o": track.acceleration, "T_0": ones}
-    nothing = np.zeros(track.size)
-    return Evaluation(value, base, False, None, Route(ones), positions, nothing, track.direction, _everywhere(track))
+    return Evaluation(
+        value, base, False, None, Route(ones), None, signals, nothing, _everywhere(track), model.ratio or 1.0
+    )

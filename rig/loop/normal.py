@@ -43,15 +43,24 @@ class Noise:
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """What is estimated: base parameters by name, then sine, cosine and (unless fixed) order of every line."""
+    """What is estimated: base parameters by name, then sine, cosine and (unless fixed) order of every line.
+
+    After them the free parameters of every shape, `shapes`: how many each has.
+    """
 
     base: tuple[str, ...]
     free_order: tuple[bool, ...]
+    shapes: tuple[int, ...] = ()
 
     @property
     def size(self) -> int:
         """Number of columns."""
-        return len(self.base) + sum(3 if free else 2 for free in self.free_order)
+        return len(self.base) + sum(3 if free else 2 for free in self.free_order) + sum(self.shapes)
+
+    def of_shape(self, number: int) -> slice:
+        """Give the columns of one shape."""
+        start = self.size - sum(self.shapes[number:])
+        return slice(start, start + self.shapes[number])
 
     def of_line(self, number: int) -> slice:
         """Give the columns of one line."""
@@ -139,6 +148,10 @@ def linearise(
                 place = columns.of_line(number)
                 for offset in range(place.stop - place.start):
                     jacobian[:, place.start + offset] = three[offset]
+        for number, term in enumerate(model.shapes):
+            derivatives = evaluation.shape_columns(term, rows, piece.track.step)
+            if derivatives is not None:
+                jacobian[:, columns.of_shape(number)] = np.column_stack(derivatives)
         residual = piece.target - evaluation.value[rows]
         if piece.demeaned:
             residual = residual - residual.mean()

@@ -17,9 +17,7 @@ from rig.loop.metrics import Residual
 from rig.loop.parameters import flexspline_from_catalogue
 from rig.loop.report_steps import base_estimates
 from rig.loop.result import EquationResult, Json, NextExperiment, Open, Verdict
-from rig.loop.rivals import rivals_of_an_angle
 from rig.loop.select import LEAST_IMPROVED, Selection
-from rig.loop.trial import prepare
 
 STIFFNESS_DEVIATION = 0.10
 """Relative deviation of K_F0 from the catalogue beyond which a quotient group is at work."""
@@ -109,7 +107,7 @@ def _shapes(selection: Selection) -> list[Open]:
     """Report the torsion shape that explains most of what is left, if it is no chance."""
     trials = [
         trial
-        for trial in rivals_of_an_angle(prepare(selection.fit), 2.0)
+        for trial in selection.left
         if trial.single_p < 1e-4
         and trial.share >= LEAST_SHAPE_SHARE
         and trial.improved >= LEAST_IMPROVED

@@ -36,15 +36,16 @@ class PlayPath:
     sliding: NDArray[np.bool_]
 
 
-def play_path(inputs: Floats, radius: float, fine: int = 1) -> PlayPath:
+def play_path(inputs: Floats, radius: Floats | float, fine: int = 1) -> PlayPath:
     """Follow `inputs` (n * fine,) from the equilibrium of a drive that was at rest without torque before.
 
     A play remembers the peaks of its input, so that it is followed sample by sample; only then are `fine` samples
-    joined to one, by their mean.
+    joined to one, by their mean. `radius`: one value, or one for every input.
     """
+    radius = np.broadcast_to(np.asarray(radius, dtype=float), inputs.shape)
     output = play(inputs, radius)
-    first = float(inputs[0])
-    spread = play(inputs, radius, start=first + radius) - play(inputs, radius, start=first - radius)
+    first, reach = float(inputs[0]), float(radius[0])
+    spread = play(inputs, radius, start=first + reach) - play(inputs, radius, start=first - reach)
     away = inputs - output
     slips = np.abs(away) >= radius * (1.0 - AT_THE_WALL)
     slip = np.maximum.accumulate(np.where(slips, np.arange(inputs.size), -1))
@@ -62,7 +63,7 @@ def play_path(inputs: Floats, radius: float, fine: int = 1) -> PlayPath:
     )
 
 
-def _sliding(away: Floats, output: Floats, radius: float) -> NDArray[np.bool_]:
+def _sliding(away: Floats, output: Floats, radius: Floats) -> NDArray[np.bool_]:
     at_the_wall = np.abs(away) >= NEAR_THE_WALL * radius
     stuck = np.maximum.accumulate(np.where(at_the_wall, 0, np.arange(output.size)))
     return at_the_wall & (np.abs(output - output[stuck]) >= SLIDING_TRAVEL * radius)

@@ -14,14 +14,10 @@ from rig.loop.intervals import covariance, quantile
 from rig.loop.model_file import Model, ModelBase, ModelEffect, ModelEstimate, ModelLine
 from rig.loop.result import Estimate, LineResult, NextExperiment, Shift, Step, Verdict
 from rig.loop.select import Decision
-from rig.loop.terms import Entry, Line
+from rig.loop.shapes import ShapeTerm
+from rig.loop.terms import Line
 
 Floats = NDArray[np.float64]
-
-SHAPES = {
-    Entry.MOTOR_AGAINST_MOTION: "product",
-    Entry.OUTPUT_AGAINST_MOTION: "product",
-}
 
 
 def steps_of(
@@ -48,13 +44,17 @@ def steps_of(
             estimates = line_estimates(line, shown, columns, factor, equation.unit, *_index_error(final, line, dut))
             parameters |= {name + suffix: value for name, value in estimates.items()}
             lines.append(LineResult(line.order, line.amplitude, wrapped(shown.phase)))
+        for number, term in enumerate(final.model.shapes):
+            if term.kind == decision.kind:
+                place = final.columns.of_shape(number)
+                parameters |= shape_estimates(term, spread[place, place], factor)
         made.append(
             Step(
                 verdict=decision.verdict,
                 effect=decision.effect,
                 members=decision.members,
                 variable=decision.kind.variable,
-                shape=SHAPES.get(decision.kind.entry, "periodic"),
+                shape=decision.kind.shape,
                 lines=tuple(lines),
                 equation=equation.value,
                 parameters=parameters,
@@ -71,7 +71,7 @@ def steps_of(
 def primary_equation(decision: Decision, final: Fit) -> Equation:
     """Give the equation in which the term is reported: the one of its balance that the logs allow."""
     present = {item.piece.equation for item in final.linear}
-    wanted = decision.kind.entry.equation
+    wanted = decision.kind.equation
     if wanted in present:
         return wanted
     for other in (Equation.MOTOR_CURRENT, Equation.MOTOR_TORQUE, Equation.OUTPUT_TORQUE):
@@ -116,6 +116,23 @@ def line_estimates(
     return found
 
 
+def shape_estimates(term: ShapeTerm, columns: Floats, factor: float) -> dict[str, Estimate]:
+    """Give every parameter of an effect that is no line: fitted ones with intervals from their covariance (k, k)."""
+    found = {
+        parameter.name: Estimate(value, None, parameter.unit)
+        for parameter, value in zip(term.effect.parameters, term.values, strict=True)
+    }
+    for number, k in enumerate(term.free):
+        parameter, value = term.effect.parameters[k], term.values[k]
+        half = factor * math.sqrt(max(float(columns[number, number]), 0.0))
+        if term.is_logarithmic(k):
+            interval = (value * math.exp(-min(half, 50.0)), value * math.exp(min(half, 50.0)))
+        else:
+            interval = (value - half, value + half)
+        found[parameter.name] = Estimate(value, interval, parameter.unit)
+    return found
+
+
 def base_estimates(final: Fit) -> dict[str, Estimate]:
     """Give the base parameters that the data touched, with intervals."""
     spread, factor = covariance(final), quantile(final)
@@ -142,20 +159,20 @@ def shifts(base: Fit, final: Fit) -> dict[str, Shift]:
     }
 
 
-def model_of(final: Fit, steps: Sequence[Step], kinds: Sequence[Entry], dut: Dut, software: str) -> Model:
+def model_of(final: Fit, steps: Sequence[Step], enters: Sequence[str], dut: Dut, software: str) -> Model:
     """Give the content of `model.json`."""
     runs = tuple(dict.fromkeys(item.piece.track.name for item in final.linear))
     parameters = {name: _as_model(value) for name, value in base_estimates(final).items()}
     effects = tuple(
         ModelEffect(
             effect=step.effect,
-            enters=entry.value,
+            enters=entry,
             variable=step.variable,
             shape=step.shape,
             lines=tuple(ModelLine(order=x.order, amplitude=x.amplitude, phase=x.phase) for x in step.lines),
             parameters={name: _as_model(value) for name, value in step.parameters.items()},
         )
-        for step, entry in zip(steps, kinds, strict=True)
+        for step, entry in zip(steps, enters, strict=True)
     )
     base = ModelBase(model="zhang-2014", ratio=final.model.ratio, parameters=parameters)
     return Model(schema="rig.model/1", dut=dut, base=base, effects=effects, runs=runs, software=software)

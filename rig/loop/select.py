@@ -1,14 +1,14 @@
 """Forward selection of terms, one at a time, with joint refits; training runs only.
 
-A round scans every equation for lines, scores every class that a line could be on all equations together, and adds
-the best if it passes the family-wise test at alpha, pays when runs are left out, and is consistent between
-procedures. Naming is strict: a catalogue class wins with at least 95 % of the best gain, every other class with 90 %
-of the pick's gain joins the set, and then the verdict is `ambiguous`.
+A round scans every equation for lines, scores every class that a line could be and every other effect of the catalogue
+on all equations together, and adds the best if it passes the family-wise test at alpha, pays when runs are left out,
+and is consistent between procedures. Naming is strict: a catalogue class wins with at least 95 % of the best gain,
+every other class with 90 % of the pick's gain joins the set, and then the verdict is `ambiguous`.
 """
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,9 +20,11 @@ from rig.loop.intervals import covariance, quantile
 from rig.loop.lines import USUAL_HIGHEST_ORDER, Peak, Spectrum, peaks, refine, scan
 from rig.loop.model import Model
 from rig.loop.result import Candidate, Verdict
-from rig.loop.rivals import rivals_of_an_angle
+from rig.loop.rivals import other_compliance
+from rig.loop.shape_trials import ShapeTrial, scales_of, shape_trials, trial_columns
+from rig.loop.shapes import ShapeClass
 from rig.loop.terms import Entry, Line, TermClass, periodic_effects
-from rig.loop.trial import Ground, Trial, consistent, line_gain, prepare, try_line
+from rig.loop.trial import Ground, Trial, consistent, line_gain, prepare, try_columns, try_line
 
 LEAST_SHARE = 0.01
 """Share of an equation's squares below which a line is detected but not worth adding."""
@@ -40,6 +42,9 @@ BEST_SHARE = 0.95
 SET_SHARE = 0.9
 MOST_CLASSES = 3
 MOST_LINES = 16
+NESTED: Mapping[str, str] = {"rate-dependent-hysteresis": "maxwell-slip"}
+"""A class that holds another as a special case: it is taken only if it explains more."""
+
 PEAKS_BY_HEIGHT = 3
 PEAKS_BY_POWER = 3
 LEAST_START_ANGLES = 4
@@ -47,7 +52,10 @@ LEAST_START_ANGLES = 4
 
 NOT_EVERYWHERE = "it does not show under every condition that should show it"
 
-TWINS: dict[str, str] = {"kinematic-error": "motor-encoder-eccentricity"}
+TWINS: dict[str, str] = {
+    "kinematic-error": "motor-encoder-eccentricity",
+    "motor-encoder-eccentricity": "kinematic-error",
+}
 """What looks the same at order 1 until the encoder is re-clocked."""
 
 SINGLE_ANGLE_SET = ("flexspline-compliance", "kinematic-error", "soft-windup", "stiffness-modulation")
@@ -58,7 +66,7 @@ SINGLE_ANGLE_SET = ("flexspline-compliance", "kinematic-error", "soft-windup", "
 class Decision:
     """What was decided about one class that was added: verdict, set (if ambiguous), candidates and p-value."""
 
-    kind: TermClass
+    kind: TermClass | ShapeClass
     verdict: Verdict
     members: tuple[str, ...]
     candidates: tuple[Candidate, ...]
@@ -72,10 +80,10 @@ class Decision:
 
 @dataclass(frozen=True, slots=True)
 class Unadded:
-    """A line that was found and is significant, but was not added, and why."""
+    """A term that was found and is significant, but was not added, and why. `order`: of a line."""
 
-    kind: TermClass
-    order: float
+    kind: TermClass | ShapeClass
+    order: float | None
     amplitude: float
     p_value: float
     share: float
@@ -84,11 +92,15 @@ class Unadded:
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """Outcome: the fit with everything that was added, the decisions in order, and what was found but not added."""
+    """Outcome: the fit with everything that was added, the decisions in order, and what was found but not added.
+
+    `left`: how the effects that are no lines explain what is left at the end.
+    """
 
     fit: Fit
     decisions: tuple[Decision, ...]
     unadded: tuple[Unadded, ...]
+    left: tuple[Trial, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,22 +134,30 @@ class _Accepted:
     fit: Fit
 
 
-def select(pieces: Sequence[Piece], base: Fit, alpha: float) -> Selection:
-    """Add terms to the base fit until nothing more passes. `alpha`: family-wise false-alarm probability a round."""
+def select(pieces: Sequence[Piece], base: Fit, alpha: float, known: Mapping[str, float]) -> Selection:
+    """Add terms to the base fit until nothing more passes. `alpha`: family-wise false-alarm probability a round.
+
+    `known`: parameters of effects that no fit estimates, by name (`ratio`, `torque_constant`, ...).
+    """
     current = base
     decisions: list[Decision] = []
     unadded: dict[tuple[str, int], Unadded] = {}
+    left: tuple[Trial, ...] = ()
     while len(current.model.lines) < MOST_LINES:
         ground = prepare(current)
-        accepted = _round(pieces, ground, alpha, decisions, unadded)
+        lines = _candidates(ground)
+        shapes = _shapes(ground, known, max((c.trial.gain for c in lines), default=0.0))
+        left = tuple(item.trial for item in shapes)
+        accepted = _round(pieces, ground, lines, shapes, alpha, decisions, unadded)
         if accepted is None:
             break
         decision, current = accepted
         if all(decision.kind != earlier.kind for earlier in decisions):
             decisions.append(decision)
     current = _withdraw(pieces, current, alpha)
-    kept = {line.kind for line in current.model.lines}
-    return Selection(current, tuple(d for d in decisions if d.kind in kept), tuple(unadded.values()))
+    kept: set[TermClass | ShapeClass] = {line.kind for line in current.model.lines}
+    kept |= {term.kind for term in current.model.shapes}
+    return Selection(current, tuple(d for d in decisions if d.kind in kept), tuple(unadded.values()), left)
 
 
 def refit(pieces: Sequence[Piece], like: Fit, model: Model) -> Fit:
@@ -148,22 +168,94 @@ def refit(pieces: Sequence[Piece], like: Fit, model: Model) -> Fit:
 def _round(
     pieces: Sequence[Piece],
     ground: Ground,
+    lines: Sequence[_Candidate],
+    shapes: Sequence[ShapeTrial],
     alpha: float,
     decisions: list[Decision],
     unadded: dict[tuple[str, int], Unadded],
 ) -> tuple[Decision, Fit] | None:
     """Give the best term that may be added, and the fit with it; None if there is none."""
-    candidates = _candidates(ground)
-    for candidate in candidates:
-        judged = _judge(pieces, ground, candidate, candidates, alpha, decisions)
-        if judged is None:
-            continue
+    candidates: list[_Candidate | ShapeTrial] = [*lines, *shapes]
+    for candidate in sorted(candidates, key=lambda candidate: -candidate.trial.gain):
+        if isinstance(candidate, ShapeTrial):
+            judged = _judge_shape(pieces, ground, candidate, lines, shapes, alpha, decisions)
+            key = (candidate.term.effect.id, 0)
+        else:
+            judged = _judge(pieces, ground, candidate, lines, shapes, alpha, decisions)
+            proposal = candidate.proposal
+            key = (proposal.kind.id, round(proposal.order / max(proposal.resolution, 1e-9)))
         if isinstance(judged, _Accepted):
             return judged.decision, judged.fit
-        proposal = candidate.proposal
-        key = (proposal.kind.id, round(proposal.order / max(proposal.resolution, 1e-9)))
-        unadded[key] = judged
+        if judged is not None:
+            unadded[key] = judged
     return None
+
+
+def _shapes(ground: Ground, known: Mapping[str, float], least: float) -> list[ShapeTrial]:
+    """Give how every effect that is no line explains what is left, best first."""
+    scales = scales_of(ground.fit.linear, {**known, "stiffness": ground.fit.model.value("K_F0")})
+    return shape_trials(ground, scales, least)
+
+
+def _judge_shape(
+    pieces: Sequence[Piece],
+    ground: Ground,
+    candidate: ShapeTrial,
+    lines: Sequence[_Candidate],
+    shapes: Sequence[ShapeTrial],
+    alpha: float,
+    decisions: Sequence[Decision],
+) -> _Accepted | Unadded | None:
+    """Accept an effect that is no line, say why it is not added, or give None if it may be chance or is there already.
+
+    As for a line; what makes a term ambiguous is every other class that explains nearly as much.
+    """
+    trial, term = candidate.trial, candidate.term
+    p_value = min(1.0, trial.single_p * candidate.tests)
+    significant, large = p_value <= alpha, trial.share >= LARGE_SHARE
+    if not (significant or large) or any(x.effect.id == term.effect.id for x in ground.fit.model.shapes):
+        return None
+    size = float(np.abs(trial.amplitudes).max())
+
+    def unadded(why: str) -> Unadded | None:
+        return Unadded(term.kind, None, size, p_value, trial.share, why) if significant else None
+
+    kinds = {decision.kind for decision in decisions}
+    why, unpaid = _objection(trial, room=term.kind in kinds or len(kinds) < MOST_CLASSES), _unpaid(trial)
+    if why or (unpaid and not large):
+        return unadded(why or unpaid)
+    inner = NESTED.get(term.effect.id)
+    if inner is not None and any(x.term.effect.id == inner and x.trial.gain >= BEST_SHARE * trial.gain for x in shapes):
+        return None
+    form = other_compliance(ground, scales_of(ground.fit.linear, {}).torque)
+    peers = [*(x.trial for x in shapes if x is not candidate), *_best_of_classes(lines), form]
+    outer = {name for name, within in NESTED.items() if within == term.effect.id}
+    near = {p.label for p in peers if p.gain >= SET_SHARE * trial.gain and p.label not in {*outer, term.effect.id}}
+    if form.gain > trial.gain / BEST_SHARE:
+        return unadded("another shape explains more")
+    joint = refit(pieces, ground.fit, replace(ground.fit.model, shapes=(*ground.fit.model.shapes, term)))
+    again = prepare(with_noise(ground.fit, joint.noise))
+    second = try_columns(again, term.effect.id, trial_columns(again, joint.model.shapes[-1]))
+    p_value = min(1.0, 2.0 * min(p_value, second.single_p * candidate.tests))
+    if p_value > alpha:
+        return None
+    if unpaid and not _pays_jointly(ground.fit, joint):
+        return unadded(unpaid)
+    tried = [Candidate(p.label, p.gain, min(1.0, p.single_p * candidate.tests)) for p in (trial, *peers) if p.gain > 0]
+    members = tuple(sorted(near | {term.effect.id})) if near else ()
+    verdict = Verdict.AMBIGUOUS if near else Verdict.NAMED
+    ordered = tuple(sorted(tried, key=lambda item: -item.gain))
+    return _Accepted(Decision(term.kind, verdict, members, ordered, p_value), joint)
+
+
+def _best_of_classes(lines: Sequence[_Candidate]) -> list[Trial]:
+    """Give the best trial of every catalogue class of lines."""
+    best: dict[str, Trial] = {}
+    for candidate in lines:
+        effect = candidate.proposal.kind.effect
+        if effect is not None and candidate.trial.gain > best.get(effect, candidate.trial).gain * (effect in best):
+            best[effect] = candidate.trial
+    return list(best.values())
 
 
 def _candidates(ground: Ground) -> list[_Candidate]:
@@ -193,6 +285,7 @@ def _judge(
     ground: Ground,
     candidate: _Candidate,
     candidates: Sequence[_Candidate],
+    shapes: Sequence[ShapeTrial],
     alpha: float,
     decisions: Sequence[Decision],
 ) -> _Accepted | Unadded | None:
@@ -213,7 +306,7 @@ def _judge(
     # a strong term bends the base so far that only a joint refit can tell whether it pays
     if why or (unpaid and not large):
         return candidate.unadded(candidate.p_value, why or unpaid) if significant else None
-    pick = _named(ground, candidate, candidates)
+    pick = _named(ground, candidate, candidates, shapes)
     if pick is None:
         return candidate.unadded(candidate.p_value, "another shape explains more") if significant else None
     decision, chosen = pick
@@ -284,7 +377,9 @@ def _already_there(ground: Ground, proposal: _Proposal) -> bool:
     )
 
 
-def _named(ground: Ground, best: _Candidate, candidates: Sequence[_Candidate]) -> tuple[Decision, _Candidate] | None:
+def _named(
+    ground: Ground, best: _Candidate, candidates: Sequence[_Candidate], shapes: Sequence[ShapeTrial]
+) -> tuple[Decision, _Candidate] | None:
     """Choose the class and the verdict for the best line; None if another shape explains it better."""
     others = [c for c in candidates if c is not best and _same_place(ground, c.proposal, best.proposal)]
     peers = [best, *others]
@@ -292,7 +387,9 @@ def _named(ground: Ground, best: _Candidate, candidates: Sequence[_Candidate]) -
     named = [c for c in peers if c.proposal.kind.effect is not None and c.trial.gain >= BEST_SHARE * most]
     pick = max(named or peers, key=lambda candidate: candidate.trial.gain)
     kind, order, gain = pick.proposal.kind, pick.proposal.order, pick.trial.gain
-    rivals = rivals_of_an_angle(ground, order) if kind.entry.is_angle else ()
+    rivals = [item.trial for item in shapes]
+    if kind.is_angle:
+        rivals.append(other_compliance(ground, scales_of(ground.fit.linear, {}).torque))
     if any(rival.gain > gain / BEST_SHARE for rival in rivals):
         return None
     near = {
@@ -405,10 +502,19 @@ def _classes(
         variable, order, resolution = "output_position", order * ratio, resolution * ratio
     current = equation is Equation.MOTOR_CURRENT
     motor = equation in (Equation.MOTOR_TORQUE, Equation.MOTOR_CURRENT)
+    flips = (Entry.MOTOR_AGAINST_MOTION, Entry.OUTPUT_AGAINST_MOTION)
+    kinds = [
+        kind
+        for kind in effects
+        if kind.variable == variable
+        and kind.fixed_order is None
+        and kind.orders[0] - resolution <= order <= kind.orders[1] + resolution
+        and (kind.entry in flips) == against
+    ]
     if against:
         entry = Entry.MOTOR_AGAINST_MOTION if motor else Entry.OUTPUT_AGAINST_MOTION
-        return [_Proposal(TermClass(None, entry, variable), order, resolution)]
-    kinds = [kind for kind in effects if kind.variable == variable and kind.fixed_order is None]
+        same = [kind for kind in kinds if kind.entry is entry] or [TermClass(None, entry, variable)]
+        return [_Proposal(kind, order, resolution) for kind in same]
     if current:
         kinds = [kind for kind in kinds if kind.entry is Entry.MOTOR]
     if variable == "output_position" or not kinds:
@@ -420,7 +526,23 @@ def _classes(
 
 
 def _withdraw(pieces: Sequence[Piece], current: Fit, alpha: float) -> Fit:
-    """Take out lines that no longer pay beside the others, or have moved onto another."""
+    """Take out terms that no longer pay beside the others, or have moved onto another."""
+    return _withdraw_lines(pieces, _withdraw_shapes(pieces, current, alpha), alpha)
+
+
+def _withdraw_shapes(pieces: Sequence[Piece], current: Fit, alpha: float) -> Fit:
+    for kind in [term.kind for term in current.model.shapes]:
+        here = next(x for x in current.model.shapes if x.kind == kind)
+        shapes = tuple(x for x in current.model.shapes if x is not here)
+        without = fit(pieces, replace(current.model, shapes=shapes), current.noise, passes=3, block=current.block)
+        ground = prepare(without)
+        trial = try_columns(ground, here.effect.id, trial_columns(ground, here))
+        if trial.single_p > alpha or trial.pays <= 0.0:
+            current = refit(pieces, current, without.model)
+    return current
+
+
+def _withdraw_lines(pieces: Sequence[Piece], current: Fit, alpha: float) -> Fit:
     for line in sorted(current.model.lines, key=lambda line: line.amplitude):
         present = current.model.lines
         matches = [x for x in present if x.kind == line.kind and abs(x.order - line.order) < 1e-3 * line.order]

@@ -7,6 +7,8 @@ signals, sense `opposed`):
     motor balance      motor torque += e; the wave generator then carries M - e
     output balance     output torque += e; the flexspline then carries T - e
     angle only         torsion += e, nothing else: an angle that is measured wrongly, or not understood
+    angle of the motor torsion += e/N: the reading of the motor's angle
+    times torque       torsion += T e, and the motor feels -T^2 e'/2; or motor torque += M e (M: motor torque)
     against motion     motor or output torque += sign of the speed * e: friction, not a conservative torque
 """
 
@@ -19,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.loop.equations import Equation
-from sim_backend.model.effects import CATALOGUE, Effect, Enters, Shape
+from sim_backend.model.effects import CATALOGUE, Effect, Enters
 
 Floats = NDArray[np.float64]
 
@@ -31,46 +33,88 @@ class Entry(StrEnum):
     MOTOR = "motor balance"
     OUTPUT = "output balance"
     ANGLE_ONLY = "angle only"
+    MOTOR_ANGLE = "angle of the motor"
+    TORSION_TIMES_TORQUE = "torsion, times torque"
+    MOTOR_TIMES_TORQUE = "motor balance, times torque"
     MOTOR_AGAINST_MOTION = "motor balance, against motion"
     OUTPUT_AGAINST_MOTION = "output balance, against motion"
 
     @property
     def is_angle(self) -> bool:
         """Whether the term is an angle (rad), not a torque."""
-        return self in (Entry.TORSION, Entry.ANGLE_ONLY)
+        return self in (Entry.TORSION, Entry.ANGLE_ONLY, Entry.MOTOR_ANGLE, Entry.TORSION_TIMES_TORQUE)
+
+    @property
+    def is_product(self) -> bool:
+        """Whether the line is multiplied by something that is no angle: a torque, or the direction."""
+        return self in _PRODUCTS
 
     @property
     def equation(self) -> Equation:
         """The equation in which the term shows first."""
         if self.is_angle:
             return Equation.TORSION
-        return Equation.MOTOR_TORQUE if self in (Entry.MOTOR, Entry.MOTOR_AGAINST_MOTION) else Equation.OUTPUT_TORQUE
+        return Equation.MOTOR_TORQUE if self.value.startswith("motor") else Equation.OUTPUT_TORQUE
 
 
-ENTRY_OF: Mapping[Enters, Entry] = {
-    Enters.TORSION: Entry.TORSION,
-    Enters.MOTOR_BALANCE: Entry.MOTOR,
-    Enters.OUTPUT_BALANCE: Entry.OUTPUT,
+_PRODUCTS = frozenset(
+    (
+        Entry.TORSION_TIMES_TORQUE,
+        Entry.MOTOR_TIMES_TORQUE,
+        Entry.MOTOR_AGAINST_MOTION,
+        Entry.OUTPUT_AGAINST_MOTION,
+    )
+)
+
+_ENTRY_OF: Mapping[tuple[Enters, str], Entry] = {
+    (Enters.TORSION, ""): Entry.TORSION,
+    (Enters.TORSION, "output_torque"): Entry.TORSION_TIMES_TORQUE,
+    (Enters.MOTOR_BALANCE, ""): Entry.MOTOR,
+    (Enters.MOTOR_BALANCE, "motor_torque"): Entry.MOTOR_TIMES_TORQUE,
+    (Enters.OUTPUT_BALANCE, ""): Entry.OUTPUT,
+    (Enters.FRICTION, ""): Entry.MOTOR_AGAINST_MOTION,
+    (Enters.READING, "motor_position"): Entry.MOTOR_ANGLE,
+    (Enters.READING, "output_position"): Entry.ANGLE_ONLY,
 }
-"""How a catalogue effect enters; `reading` effects have no periodic member yet."""
+"""By where a periodic effect enters, and what else it takes (for a reading: which one) than its angle."""
 
 
 @dataclass(frozen=True, slots=True)
 class TermClass:
-    """One kind of term: catalogue id or None, where it acts, of which angle, and its order if that is fixed."""
+    """One kind of term: catalogue id or None, where it acts, of which angle, its order if fixed, else its range."""
 
     effect: str | None
     entry: Entry
     variable: str
     fixed_order: float | None = None
+    orders: tuple[float, float] = (0.0, math.inf)
 
     @property
     def id(self) -> str:
         """The name in the result."""
         if self.effect is not None:
             return self.effect
-        flips = self.entry in (Entry.MOTOR_AGAINST_MOTION, Entry.OUTPUT_AGAINST_MOTION)
-        return f"unnamed:{self.variable}:{'product' if flips else 'periodic'}"
+        return f"unnamed:{self.variable}:{self.shape}"
+
+    @property
+    def shape(self) -> str:
+        """The shape in the result."""
+        return "product" if self.entry.is_product else "periodic"
+
+    @property
+    def enters(self) -> str:
+        """Where it acts, as the model file says it."""
+        return self.entry.value
+
+    @property
+    def is_angle(self) -> bool:
+        """Whether it is an angle, not a torque."""
+        return self.entry.is_angle
+
+    @property
+    def equation(self) -> Equation:
+        """The equation in which it shows first."""
+        return self.entry.equation
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,16 +141,24 @@ def periodic_effects() -> tuple[TermClass, ...]:
     """Give a term class for every catalogue effect that is periodic in an angle of the bench."""
     found = []
     for effect in CATALOGUE.values():
-        if effect.shape is Shape.PERIODIC and effect.enters in ENTRY_OF and _is_one_line(effect):
-            has_order = any(parameter.name == "order" for parameter in effect.parameters)
-            found.append(TermClass(effect.id, ENTRY_OF[effect.enters], effect.variable, None if has_order else 1.0))
+        if is_line(effect):
+            order = next((parameter for parameter in effect.parameters if parameter.name == "order"), None)
+            fixed, orders = (1.0, (1.0, 1.0)) if order is None else (None, (order.low, order.high))
+            found.append(TermClass(effect.id, entry_of(effect), effect.variable, fixed, orders))
     return tuple(found)
 
 
-def _is_one_line(effect: Effect) -> bool:
-    """Whether the effect is amplitude * sin(order * variable + phase) of one angle."""
+def is_line(effect: Effect) -> bool:
+    """Whether the effect is amplitude * sin(order * variable + phase) of an angle, perhaps times a torque."""
     names = {parameter.name for parameter in effect.parameters}
-    return {"amplitude", "phase"} <= names <= {"amplitude", "phase", "order"} and len(effect.signals) == 1
+    return {"amplitude", "phase"} <= names <= {"amplitude", "phase", "order"}
+
+
+def entry_of(effect: Effect) -> Entry:
+    """Give how a periodic effect of the catalogue acts."""
+    others = [name for name in effect.signals if name != effect.variable]
+    key = effect.reads if effect.enters is Enters.READING else "".join(others)
+    return _ENTRY_OF[effect.enters, key]
 
 
 @dataclass(frozen=True, slots=True)

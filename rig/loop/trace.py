@@ -4,7 +4,7 @@ Training runs alone decide what is added, named, or withdrawn. Held-out runs are
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -82,7 +82,7 @@ def trace(
             hint="Check the channels in the log, and the ratio in the device file.",
         )
     on_stage(f"fitting {len(campaign.train)} runs and searching what they leave ...")
-    base, selection, fastest = _selected(pieces, start, options.alpha)
+    base, selection, fastest = _selected(pieces, start, options.alpha, known_parameters(dut, ratio))
     on_stage(f"{clock.now() - started:.0f} s: looking at the {len(campaign.held_out)} held-out runs")
     fastest = min(fastest, _known_speed(pieces, selection))
     final = selection.fit
@@ -98,7 +98,7 @@ def trace(
         if item.held_out is not None
     }
     steps = steps_of(selection.decisions, final, base, dut, changes)
-    entries = [decision.kind.entry for decision in selection.decisions]
+    entries = [decision.kind.enters for decision in selection.decisions]
     warnings = (
         *campaign.warnings,
         *_doubts(final),
@@ -119,6 +119,12 @@ def trace(
         model=model_of(final, steps, entries, dut, software_version()),
         views=_views(sides["held_out"], selection),
     )
+
+
+def known_parameters(dut: Dut, ratio: float | None) -> dict[str, float]:
+    """Give what effects take from the device and no fit estimates, by the name of the parameter, SI."""
+    given = {"ratio": ratio, "torque_constant": dut.motor.torque_constant, "encoder_counts": dut.motor.encoder_counts}
+    return {name: float(value) for name, value in given.items() if value is not None}
 
 
 def start_model(dut: Dut, ratio: float | None, base: ModelFile | None) -> Model:
@@ -153,23 +159,25 @@ def fit_base(pieces: Sequence[Piece], start: Model) -> Fit:
     return fit_stably(pieces, start, rough.noise, rough.block)
 
 
-def _selected(pieces: Sequence[Piece], start: Model, alpha: float) -> tuple[Fit, Selection, float]:
+def _selected(
+    pieces: Sequence[Piece], start: Model, alpha: float, known: Mapping[str, float]
+) -> tuple[Fit, Selection, float]:
     """Fit and select; give the base fit, the selection, and the fastest leg (rad/s) whose torque was used.
 
     A torque line that shows at slow legs and not at fast ones is one that the drive does not follow there: it stands
     in the speed, not in the torque. The torque of the fastest legs is then left out, as far as it takes.
     """
     base = fit_base(pieces, start)
-    first = select(pieces, base, alpha)
+    first = select(pieces, base, alpha, known)
     found, fastest = (base, first), math.inf
     speeds = sorted({abs(float(v)) for p in pieces if _runs_free(p) for v in np.unique(p.track.speed[p.index])})
     slower = [v for v in speeds if v < speeds[-1] / SAME_SPEED]
-    while slower and any(item.why == NOT_EVERYWHERE and not item.kind.entry.is_angle for item in found[1].unadded):
+    while slower and any(item.why == NOT_EVERYWHERE and not item.kind.is_angle for item in found[1].unadded):
         limit = SAME_SPEED * slower.pop()
         slower = [v for v in slower if v < limit / SAME_SPEED**2]
         fewer = _up_to(pieces, limit)
         base = fit_base(fewer, start)
-        found = (base, select(fewer, base, alpha))
+        found = (base, select(fewer, base, alpha, known))
         if len(found[1].decisions) > len(first.decisions):
             return found[0], found[1], limit
     return (found[0], found[1], fastest) if found[1] is first else (fit_base(pieces, start), first, fastest)
@@ -361,8 +369,10 @@ def _unadded(selection: Selection) -> list[str]:
     current = any(item.piece.equation is Equation.MOTOR_CURRENT for item in selection.fit.linear)
     found = []
     for item in selection.unadded:
-        entry = item.kind.entry
-        unit = "A" if current and entry.equation is Equation.MOTOR_TORQUE else entry.equation.unit
+        if item.order is None:
+            found.append(f"Found, not added: {item.kind.id}: {item.why}.")
+            continue
+        unit = "A" if current and item.kind.equation is Equation.MOTOR_TORQUE else item.kind.equation.unit
         found.append(
             f"Found, not added: {item.kind.id}, order {item.order:.6g} of {item.kind.variable}, amplitude "
             f"{item.amplitude:.3g} {unit}: {item.why}."

@@ -7,6 +7,7 @@ cut off.
 """
 
 import itertools
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -58,6 +59,9 @@ MOVES = 1.0
 HELD_SPEED = 0.3
 """rad/s at the motor; slower sweeps from hold to hold are held still."""
 
+TEMPERATURES = ("temperature", "motor_temperature")
+"""Signals beside angles and torques that terms may use."""
+
 SATURATED = 1 << 11
 """Bit `internal limit active` of the CiA 402 status word."""
 
@@ -72,7 +76,8 @@ class Track:
     `ripple`: how the rotor of a free run moves about its constant speed. `speed`: rad/s of the leg at the motor (at
     the output if only that is known), 0 outside legs; `acceleration`: rad/s^2 of the same shaft;
     `direction`: sign of the smoothed speed. `usable`: neither missing nor saturated; `steady`: inside a leg. `moves`:
-    the run turns, so that its measured angle is far larger than any torsion.
+    the run turns, so that its measured angle is far larger than any torsion. `auxiliary`: temperatures by name, degC;
+    `torque_constant`: N*m/A of the device, None if unknown.
     """
 
     name: str
@@ -91,6 +96,8 @@ class Track:
     motor_torque: Floats | None
     motor_current: Floats | None
     ripple: Ripple | None
+    auxiliary: Mapping[str, Floats]
+    torque_constant: float | None
     acceleration: Floats
     speed: Floats
     direction: Floats
@@ -99,6 +106,11 @@ class Track:
     moves: bool
     held: bool
     saturated: int
+
+    @property
+    def step(self) -> float:
+        """Typical time between samples, s."""
+        return float(np.median(np.diff(self.time))) if self.time.size > 1 else self.period
 
     @property
     def size(self) -> int:
@@ -160,6 +172,8 @@ def make_track(run: Run, dut: Dut) -> Track:
         motor_torque=motor_torque,
         motor_current=current,
         ripple=_ripple(run, motor_position, motor_torque, leg_speed),
+        auxiliary=_auxiliary(run),
+        torque_constant=dut.motor.torque_constant,
         acceleration=_acceleration(run.time, angle, speed, period, moves=moves),
         speed=leg_speed,
         direction=np.sign(speed),
@@ -202,6 +216,7 @@ def thin_track(track: Track) -> Track:
         output_torque=mean(track.output_torque),
         motor_torque=mean(track.motor_torque),
         motor_current=mean(track.motor_current),
+        auxiliary={name: np.asarray(mean(values)) for name, values in track.auxiliary.items()},
         acceleration=np.asarray(mean(track.acceleration)),
         speed=pick(track.speed),
         direction=pick(track.direction),
@@ -229,12 +244,24 @@ def pick_rows(track: Track, rows: NDArray[np.intp]) -> Track:
         motor_torque=pick(track.motor_torque),
         motor_current=pick(track.motor_current),
         ripple=None if track.ripple is None else track.ripple[rows],
+        auxiliary={name: values[rows] for name, values in track.auxiliary.items()},
         acceleration=track.acceleration[rows],
         speed=track.speed[rows],
         direction=track.direction[rows],
         usable=track.usable[rows],
         steady=track.steady[rows],
     )
+
+
+def _auxiliary(run: Run) -> dict[str, Floats]:
+    """Give the temperatures; where one is missing for a while, it is taken from its neighbours in time."""
+    found = {}
+    for name in TEMPERATURES:
+        values = run.signals.get(name)
+        if values is not None and np.isfinite(values).any():
+            good = np.isfinite(values)
+            found[name] = np.interp(run.time, run.time[good], values[good])
+    return found
 
 
 def _alive(values: Floats | None) -> Floats | None:

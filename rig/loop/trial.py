@@ -22,7 +22,7 @@ from scipy.stats import chi2
 from rig.loop.equations import Equation
 from rig.loop.fit import Fit
 from rig.loop.normal import LinearPiece, solve
-from rig.loop.terms import Line, TermClass, line_values
+from rig.loop.terms import Entry, Line, TermClass, line_values
 
 Floats = NDArray[np.float64]
 
@@ -98,14 +98,10 @@ def line_columns(item: LinearPiece, kind: TermClass, order: float) -> Floats | N
 def acts(item: LinearPiece, kind: TermClass) -> bool:
     """Whether a term of this kind has a column in the piece."""
     entry, evaluation = kind.entry, item.evaluation
-    if evaluation.angle and entry.is_angle:
-        return True
-    name = entry.value
-    if name.startswith("motor"):
-        return evaluation.motor is not None
-    if name.startswith("output"):
-        return evaluation.load is not None
-    return entry.value == "torsion" and evaluation.motor is not None and bool(np.any(evaluation.torque))
+    if entry.is_angle:
+        reacts = entry in (Entry.TORSION, Entry.TORSION_TIMES_TORQUE) and evaluation.motor is not None
+        return evaluation.angle or (reacts and bool(np.any(evaluation.torque)))
+    return (evaluation.load if entry.equation is Equation.OUTPUT_TORQUE else evaluation.motor) is not None
 
 
 def try_columns(ground: Ground, label: str, columns: Sequence[Floats | None]) -> Trial:
@@ -243,12 +239,18 @@ def try_line(ground: Ground, kind: TermClass, order: float) -> Trial:
 
 
 def line_gain(ground: Ground, kind: TermClass, order: float) -> float:
-    """Give the gain alone: what the search for the order maximises."""
+    """Give the gain of a line alone: what the search for the order maximises."""
+    return columns_gain(ground, [line_columns(item, kind, order) for item in ground.fit.linear])
+
+
+def columns_gain(ground: Ground, columns: Sequence[Floats | None]) -> float:
+    """Give the gain of a candidate given by its columns (m, k) in every piece (None: it does not act there)."""
     fit = ground.fit
-    size = fit.columns.size
-    own, score, cross = np.zeros((2, 2)), np.zeros(2), np.zeros((2, size))
-    for item in fit.linear:
-        column = line_columns(item, kind, order)
+    size = next((c.shape[1] for c in columns if c is not None), 0)
+    if size == 0:
+        return 0.0
+    own, score, cross = np.zeros((size, size)), np.zeros(size), np.zeros((size, fit.columns.size))
+    for item, column in zip(fit.linear, columns, strict=True):
         if column is not None:
             weighted = item.weight * column
             cross += weighted.T @ item.jacobian

@@ -21,9 +21,10 @@ from sim_backend.model.source import definitions
 Floats = NDArray[np.float64]
 
 
-def play(inputs: Floats, radius: float, start: float | None = None) -> Floats:
+def play(inputs: Floats, radius: Floats | float, start: float | None = None) -> Floats:
     """Give the play of `inputs` with `radius`, shape (n,), in the unit of the inputs.
 
+    radius: one value, or one for every input, shape (n,).
     start: the state before the first sample; it need not lie within reach of it. None: the equilibrium of a drive
     that was at rest without torque and then brought to the first sample, which is the same as start = 0.
     Raises ModelError if `radius` is negative or not finite, or `inputs` is not one-dimensional.
@@ -31,15 +32,16 @@ def play(inputs: Floats, radius: float, start: float | None = None) -> Floats:
     values = np.ascontiguousarray(inputs, dtype=np.float64)
     if values.ndim != 1:
         raise ModelError(f"inputs has {values.ndim} dimensions; the play operator takes one series at a time.")
-    if not (np.isfinite(radius) and radius >= 0.0):
+    radii = np.ascontiguousarray(np.broadcast_to(radius, values.shape), dtype=np.float64)
+    if not (np.all(np.isfinite(radii)) and np.all(radii >= 0.0)):
         raise ModelError(f"radius = {radius!r} must be finite and at least 0.")
     outputs = np.empty_like(values)
-    _compiled_loop()(values, float(radius), 0.0 if start is None else float(start), outputs)
+    _compiled_loop()(values, radii, 0.0 if start is None else float(start), outputs)
     return outputs
 
 
 @cache
-def _compiled_loop() -> Callable[[Floats, float, float, Floats], None]:
+def _compiled_loop() -> Callable[[Floats, Floats, float, Floats], None]:
     module: Any = load("The play operator", definitions(play_loop))
-    loop: Callable[[Floats, float, float, Floats], None] = module.play_loop
+    loop: Callable[[Floats, Floats, float, Floats], None] = module.play_loop
     return loop

@@ -1,0 +1,196 @@
+"""Effects of the catalogue that are no lines: their additions over a run, and the derivatives by their parameters.
+
+One function serves the plant and the fit: what an effect adds is evaluated from its catalogue entry, over the signals
+that the run recorded or the model predicts. Where it acts decides how the addition reaches a prediction:
+
+    angle      the torsion (an angle's reading at the motor counts 1/N)
+    motor      what the motor must overcome; a wrong reading of the motor torque acts alike
+    load       what the output must overcome; a wrong reading of the output torque acts alike
+    friction   level of the dry friction, seen at the motor
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.loop.equations import Equation
+from rig.loop.terms import is_line
+from sim_backend.model.arrays import evaluate, evaluate_slope
+from sim_backend.model.effects import CATALOGUE, Effect, Enters, Shape
+
+Floats = NDArray[np.float64]
+
+DIFFERENCE = 1e-4
+"""Relative step of a parameter over which a derivative is taken."""
+
+
+class Place(StrEnum):
+    """Where an addition reaches the equations."""
+
+    ANGLE = "angle"
+    MOTOR = "motor"
+    LOAD = "load"
+    FRICTION = "friction"
+
+
+@dataclass(frozen=True, slots=True)
+class ShapeClass:
+    """An effect as a kind of term, beside `TermClass`."""
+
+    effect: str
+
+    @property
+    def id(self) -> str:
+        """The name in the result."""
+        return self.effect
+
+    @property
+    def variable(self) -> str:
+        """The signal that it follows."""
+        return CATALOGUE[self.effect].variable
+
+    @property
+    def shape(self) -> str:
+        """How it follows it."""
+        return str(CATALOGUE[self.effect].shape)
+
+    @property
+    def enters(self) -> str:
+        """Where it acts, as the model file says it."""
+        effect = CATALOGUE[self.effect]
+        return f"{effect.enters} of {effect.reads}" if effect.reads else str(effect.enters)
+
+    @property
+    def is_angle(self) -> bool:
+        """Whether it is an angle, not a torque."""
+        return place_of(CATALOGUE[self.effect]) is Place.ANGLE
+
+    @property
+    def equation(self) -> Equation:
+        """The equation in which it shows first."""
+        effect = CATALOGUE[self.effect]
+        if effect.reads == "output_torque":
+            return Equation.TORSION
+        return {
+            Place.ANGLE: Equation.TORSION,
+            Place.MOTOR: Equation.MOTOR_TORQUE,
+            Place.LOAD: Equation.OUTPUT_TORQUE,
+            Place.FRICTION: Equation.MOTOR_TORQUE,
+        }[place_of(effect)]
+
+
+@dataclass(frozen=True, slots=True)
+class ShapeTerm:
+    """An effect with the values of its parameters, in the order of `effect.parameters`."""
+
+    effect: Effect
+    values: tuple[float, ...]
+
+    @property
+    def free(self) -> tuple[int, ...]:
+        """Places of the parameters that a fit estimates."""
+        return tuple(k for k, p in enumerate(self.effect.parameters) if not p.known)
+
+    @property
+    def kind(self) -> ShapeClass:
+        """Its kind."""
+        return ShapeClass(self.effect.id)
+
+    def value(self, name: str) -> float:
+        """Give one parameter."""
+        return self.values[[p.name for p in self.effect.parameters].index(name)]
+
+    def moved(self, change: Floats) -> "ShapeTerm":
+        """Give the term with its free parameters changed, inside their physical range; see `is_logarithmic`."""
+        values = list(self.values)
+        for step, k in zip(change.tolist(), self.free, strict=True):
+            parameter = self.effect.parameters[k]
+            moved = values[k] * math.exp(min(max(step, -1.0), 1.0)) if self.is_logarithmic(k) else values[k] + step
+            signed = self.effect.linear and not self.is_logarithmic(k)
+            values[k] = min(max(moved, -parameter.high if signed else parameter.low), parameter.high)
+        return ShapeTerm(self.effect, tuple(values))
+
+    def scaled(self, k: int, factor: float) -> "ShapeTerm":
+        """Give the term with one parameter multiplied, inside its physical range."""
+        parameter = self.effect.parameters[k]
+        return _with(self, k, min(max(self.values[k] * factor, parameter.low), parameter.high))
+
+    def is_logarithmic(self, k: int) -> bool:
+        """Whether a parameter is estimated as a logarithm: all that are no amplitudes."""
+        return self.effect.parameters[k].name not in self.effect.amplitudes
+
+
+def catalogue_shapes() -> tuple[Effect, ...]:
+    """Give the effects that a fit can add and that are no lines; events have no repeatable column."""
+    return tuple(
+        effect
+        for effect in CATALOGUE.values()
+        if effect.enters is not Enters.BASE and effect.shape is not Shape.EVENT and not is_line(effect)
+    )
+
+
+def place_of(effect: Effect) -> Place:
+    """Give where the effect's addition reaches the equations."""
+    if effect.enters is Enters.READING:
+        return {"motor_torque": Place.MOTOR, "output_torque": Place.LOAD}.get(effect.reads, Place.ANGLE)
+    return {
+        Enters.TORSION: Place.ANGLE,
+        Enters.MOTOR_BALANCE: Place.MOTOR,
+        Enters.OUTPUT_BALANCE: Place.LOAD,
+        Enters.FRICTION: Place.FRICTION,
+    }[effect.enters]
+
+
+def addition(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> Floats | None:
+    """Give what the term adds, shape (n,), in its unit; None where a signal it takes was not recorded."""
+    if any(name not in signals for name in term.effect.signals):
+        return None
+    return evaluate(term.effect, signals, term.values, step=step)
+
+
+def reaction(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> Floats | None:
+    """Give the torque by which a term in the torsion helps the motor, per N*m of output torque; None if it does not."""
+    if term.effect.slope is None or any(name not in signals for name in term.effect.signals):
+        return None
+    return evaluate_slope(term.effect, signals, term.values, step=step)
+
+
+def derivatives(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> list[Floats] | None:
+    """Give the derivative of the addition by every free parameter, each (n,), in the scale of the fit."""
+    if addition(term, signals, step) is None:
+        return None
+    found = []
+    for k in term.free:
+        parameter = term.effect.parameters[k]
+        size = max(abs(term.values[k]), 1e-2 * abs(parameter.typical))
+        width = DIFFERENCE * size
+        up, down = (_with(term, k, term.values[k] + sign * width) for sign in (1.0, -1.0))
+        difference = evaluate(up.effect, signals, up.values, step=step) - evaluate(
+            down.effect, signals, down.values, step=step
+        )
+        found.append(difference / (2.0 * width) * (term.values[k] if term.is_logarithmic(k) else 1.0))
+    return found
+
+
+def reaction_derivatives(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> list[Floats | None]:
+    """Give the derivative of the reaction by every free parameter, each (n,); None where there is no reaction."""
+    if reaction(term, signals, step) is None:
+        return [None] * len(term.free)
+    found: list[Floats | None] = []
+    for k in term.free:
+        parameter = term.effect.parameters[k]
+        width = DIFFERENCE * max(abs(term.values[k]), 1e-2 * abs(parameter.typical))
+        up, down = (_with(term, k, term.values[k] + sign * width) for sign in (1.0, -1.0))
+        difference = evaluate_slope(up.effect, signals, up.values, step=step) - evaluate_slope(
+            down.effect, signals, down.values, step=step
+        )
+        found.append(difference / (2.0 * width) * (term.values[k] if term.is_logarithmic(k) else 1.0))
+    return found
+
+
+def _with(term: ShapeTerm, k: int, value: float) -> ShapeTerm:
+    return ShapeTerm(term.effect, (*term.values[:k], value, *term.values[k + 1 :]))
