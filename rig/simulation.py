@@ -11,12 +11,13 @@ from drivers.errors import ConfigError, Mistake
 from rig.bench import Bench
 from rig.config.bench import SIMULATED, BenchFile, Device, Lock
 from rig.config.dut import Dut, Rotation, default_dut
-from rig.loop.frames import turned
-from rig.loop.model_file import Model
+from rig.loop.frames import turned, turned_shape
+from rig.loop.model_file import Model, ModelEffect
+from rig.loop.shapes import ShapeTerm
 from rig.loop.terms import Entry, Line, TermClass
 from rig.operator import Answered
 from sim_backend.errors import ModelError
-from sim_backend.model.effects import CATALOGUE, ActiveEffect
+from sim_backend.model.effects import CATALOGUE, ActiveEffect, Effect
 from sim_backend.model.parameters import HarmonicDrive, PlantConfig
 from sim_backend.nodes.bench import LOAD_DRIVE, MOTOR_DRIVE, OUTPUT_ENCODER, TORQUE_TRANSDUCER
 from sim_backend.nodes.communication import CanopenNode
@@ -232,6 +233,9 @@ def effects_of_model(model: Model, assumed: list[str]) -> tuple[ActiveEffect, ..
         if effect is None:
             assumed.append(f"'{fitted.effect}' is left out: the simulated bench has no such effect")
             continue
+        if not fitted.lines:
+            active += _shape_of_model(fitted, effect, model.dut, assumed)
+            continue
         kind = TermClass(None, Entry(fitted.enters), fitted.variable)
         for line in fitted.lines:
             sine, cosine = line.amplitude * math.cos(line.phase), line.amplitude * math.sin(line.phase)
@@ -240,6 +244,16 @@ def effects_of_model(model: Model, assumed: list[str]) -> tuple[ActiveEffect, ..
             values = {"order": line.order, "amplitude": line.amplitude, "phase": phase}
             active.append(ActiveEffect(effect, tuple(values[p.name] for p in effect.parameters)))
     return tuple(active)
+
+
+def _shape_of_model(fitted: ModelEffect, effect: Effect, dut: Dut, assumed: list[str]) -> Iterator[ActiveEffect]:
+    """Give an effect that is no line as the plant takes it; one with impossible values is left out, and said."""
+    given = {name: estimate.value for name, estimate in fitted.parameters.items()}
+    try:
+        values = tuple(given.get(parameter.name, parameter.typical) for parameter in effect.parameters)
+        yield ActiveEffect(effect, turned_shape(ShapeTerm(effect, values), dut).values)
+    except ModelError as error:
+        assumed.append(f"'{fitted.effect}' is left out: {error}")
 
 
 def _motor_rated_torque(dut: Dut) -> float:

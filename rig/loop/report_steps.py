@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from rig.config.dut import Dut
 from rig.loop.equations import Equation
 from rig.loop.fit import Fit
-from rig.loop.frames import turned, wrapped
+from rig.loop.frames import turned, turned_shape, wrapped
 from rig.loop.intervals import covariance, quantile
 from rig.loop.model_file import Model, ModelBase, ModelEffect, ModelEstimate, ModelLine
 from rig.loop.result import Estimate, LineResult, NextExperiment, Shift, Step, Verdict
@@ -47,7 +47,7 @@ def steps_of(
         for number, term in enumerate(final.model.shapes):
             if term.kind == decision.kind:
                 place = final.columns.of_shape(number)
-                parameters |= shape_estimates(term, spread[place, place], factor)
+                parameters |= shape_estimates(turned_shape(term, dut), spread[place, place], factor)
         made.append(
             Step(
                 verdict=decision.verdict,

@@ -24,7 +24,7 @@ from rig.loop.rivals import other_compliance
 from rig.loop.shape_trials import ShapeTrial, scales_of, shape_trials, trial_columns
 from rig.loop.shapes import ShapeClass
 from rig.loop.terms import Entry, Line, TermClass, periodic_effects
-from rig.loop.trial import Ground, Trial, consistent, line_gain, prepare, try_columns, try_line
+from rig.loop.trial import Ground, Trial, consistent, consistent_shape, line_gain, prepare, try_columns, try_line
 
 LEAST_SHARE = 0.01
 """Share of an equation's squares below which a line is detected but not worth adding."""
@@ -241,6 +241,8 @@ def _judge_shape(
         return None
     if unpaid and not _pays_jointly(ground.fit, joint):
         return unadded(unpaid)
+    if not consistent_shape(joint, len(joint.model.shapes) - 1):
+        return unadded(NOT_EVERYWHERE)
     tried = [Candidate(p.label, p.gain, min(1.0, p.single_p * candidate.tests)) for p in (trial, *peers) if p.gain > 0]
     members = tuple(sorted(near | {term.effect.id})) if near else ()
     verdict = Verdict.AMBIGUOUS if near else Verdict.NAMED

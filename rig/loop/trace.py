@@ -18,7 +18,7 @@ from rig.loop.campaign import LoopOptions, split_runs
 from rig.loop.checks import check_gear, check_magnitudes, check_signs
 from rig.loop.equations import FEWEST_SAMPLES, Equation, Law, Piece, pieces_of
 from rig.loop.fit import BLOCK, Fit, fit, fit_stably, reweighted
-from rig.loop.frames import turned
+from rig.loop.frames import turned, turned_shape
 from rig.loop.intervals import hidden_share
 from rig.loop.lines import USUAL_HIGHEST_ORDER
 from rig.loop.metrics import Floor, Residual, errors, floor_of, pooled, residual_of
@@ -29,10 +29,12 @@ from rig.loop.parameters import parameter_table
 from rig.loop.report_steps import model_of, steps_of
 from rig.loop.result import EquationResult, Errors, LoopResult, View
 from rig.loop.select import NOT_EVERYWHERE, Selection, select
+from rig.loop.shapes import ShapeTerm
 from rig.loop.starts import FACTOR, scaled_to_data
 from rig.loop.terms import Entry, Line, TermClass
 from rig.loop.tracks import Track, make_track, thin_track
 from rig.provenance import software_version
+from sim_backend.model.effects import CATALOGUE
 
 SAME_SPEED = 1.05
 """Ratio below which two legs have the same speed."""
@@ -131,16 +133,19 @@ def start_model(dut: Dut, ratio: float | None, base: ModelFile | None) -> Model:
     """Give the model from which the fit starts: the device file's estimates, or a model file's values and effects."""
     table = parameter_table(dut, ratio)
     lines: tuple[Line, ...] = ()
+    shapes: tuple[ShapeTerm, ...] = ()
     if base is not None:
         table = table.with_centre({name: value.value for name, value in base.base.parameters.items()})
-        lines = lines_of(base, dut)
-    return Model(table, table.start(), ratio, lines)
+        lines, shapes = lines_of(base, dut), shapes_of(base, dut)
+    return Model(table, table.start(), ratio, lines, shapes)
 
 
 def lines_of(model: ModelFile, dut: Dut) -> tuple[Line, ...]:
     """Give the lines of a model file's effects, in the frame of computing."""
     found = []
     for effect in model.effects:
+        if not effect.lines:
+            continue
         entry = Entry(effect.enters)
         named = None if effect.effect.startswith(("unnamed:", "ambiguous:")) else effect.effect
         fixed = effect.lines[0].order if effect.lines and "order" not in effect.parameters else None
@@ -148,6 +153,27 @@ def lines_of(model: ModelFile, dut: Dut) -> tuple[Line, ...]:
         for item in effect.lines:
             sine, cosine = item.amplitude * np.cos(item.phase), item.amplitude * np.sin(item.phase)
             found.append(turned(Line(kind, item.order, float(sine), float(cosine)), dut))
+    return tuple(found)
+
+
+def shapes_of(model: ModelFile, dut: Dut) -> tuple[ShapeTerm, ...]:
+    """Give the effects of a model file that are no lines, in the frame of computing. Raises DataError for others."""
+    found = []
+    for item in model.effects:
+        if item.lines:
+            continue
+        effect = CATALOGUE.get(item.effect)
+        missing = [] if effect is None else [p.name for p in effect.parameters if p.name not in item.parameters]
+        if effect is None or missing:
+            raise DataError(
+                "model.json",
+                f"the effect '{item.effect}' has no lines and "
+                + (f"lacks {', '.join(missing)}" if missing else "is not in the catalogue"),
+                expected="a catalogue effect with all its parameters, or lines",
+                hint="`rig effects` prints the catalogue; write the model anew with `rig loop`.",
+            )
+        values = tuple(item.parameters[parameter.name].value for parameter in effect.parameters)
+        found.append(turned_shape(ShapeTerm(effect, values), dut))
     return tuple(found)
 
 

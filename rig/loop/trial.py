@@ -12,7 +12,7 @@ Source: Pinelis, "Extremal probabilistic problems and Hotelling's T2 test under 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,6 +41,9 @@ LEAST_EXPECTED = 10.0
 
 PHASES, MOST_PHASES = 8, 6
 """Parts into which a line's period is divided, and how many of them a condition must have seen to have a say."""
+
+
+_Condition = tuple[Equation, str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,43 +185,60 @@ def consistent(fit: Fit, number: int) -> bool:
     of the line: at a few held angles any other line may add to it or take from it.
     """
     line, place = fit.model.lines[number], fit.columns.of_line(number)
-    found: dict[tuple[Equation, str], list[float]] = {}
-    phases: dict[tuple[Equation, str], set[int]] = {}
+    columns = [
+        line.sine * x.jacobian[:, place.start] + line.cosine * x.jacobian[:, place.start + 1] for x in fit.linear
+    ]
+    phases: dict[_Condition, set[int]] = {}
     for item in fit.linear:
-        column = line.sine * item.jacobian[:, place.start] + line.cosine * item.jacobian[:, place.start + 1]
+        position = item.evaluation.positions.get(line.kind.variable)
+        if position is None:
+            continue
+        turns = line.order * position[item.piece.index] / (2.0 * math.pi)
+        seen = np.floor(PHASES * (turns % 1.0)).astype(int)
+        for condition, mine in _conditions(item):
+            phases.setdefault(condition, set()).update(np.unique(seen[mine]).tolist())
+    judged = {condition for condition, seen_there in phases.items() if len(seen_there) >= MOST_PHASES}
+    return _explains(fit, columns, judged)
+
+
+def consistent_shape(fit: Fit, number: int) -> bool:
+    """Tell the same of a fitted effect that is no line; every condition has a say."""
+    term, place = fit.model.shapes[number], fit.columns.of_shape(number)
+    weights = np.array([0.0 if term.is_logarithmic(k) else term.values[k] for k in term.free])
+    return _explains(fit, [item.jacobian[:, place] @ weights for item in fit.linear], None)
+
+
+def _explains(fit: Fit, columns: Sequence[Floats], judged: set[_Condition] | None) -> bool:
+    """Whether `columns`, one (m,) for every piece, explain half of what they should under every condition `judged`."""
+    found: dict[_Condition, list[float]] = {}
+    for item, column in zip(fit.linear, columns, strict=True):
         expected = item.weight * column**2
         actual = 2.0 * item.weight * column * item.residual + expected
-        names, member = _conditions(item)
-        position = item.evaluation.positions.get(line.kind.variable)
-        for k, name in enumerate(names):
-            condition, mine = (item.piece.equation, name), member == k
+        for condition, mine in _conditions(item):
             sums = found.setdefault(condition, [0.0, 0.0])
             sums[0] += float(expected[mine].sum())
             sums[1] += float(actual[mine].sum())
-            if position is not None:
-                turns = line.order * position[item.piece.index][mine] / (2.0 * math.pi)
-                seen = np.unique(np.floor(PHASES * (turns % 1.0)).astype(int))
-                phases.setdefault(condition, set()).update(seen.tolist())
     total = sum(expected for expected, _ in found.values())
     return all(
         actual >= 0.5 * expected
         for condition, (expected, actual) in found.items()
-        if expected > max(LEAST_EXPECTED, 0.02 * total) and len(phases.get(condition, ())) >= MOST_PHASES
+        if expected > max(LEAST_EXPECTED, 0.02 * total) and (judged is None or condition in judged)
     )
 
 
-def _conditions(item: LinearPiece) -> tuple[list[str], NDArray[np.intp]]:
-    """Give the conditions of a piece, procedure and speed of the leg, and which of them each sample (m,) was taken in.
+def _conditions(item: LinearPiece) -> Iterator[tuple[_Condition, NDArray[np.bool_]]]:
+    """Give the conditions of a piece, equation with procedure and speed of the leg, and the samples (m,) taken in each.
 
     Counting an angle at constant speed beats with the sampling and leaves lines that no other speed shows.
     """
-    track = item.piece.track
+    track, equation = item.piece.track, item.piece.equation
     if not track.moves:
-        return [track.procedure.value], np.zeros(item.residual.size, dtype=np.intp)
+        yield (equation, track.procedure.value), np.ones(item.residual.size, dtype=bool)
+        return
     speed = np.abs(track.speed[item.piece.index])
     band = np.round(np.log(np.maximum(speed, 1e-9)) / SPEED_STEP).astype(int)
-    bands, member = np.unique(band, return_inverse=True)
-    return [f"{track.procedure.value} {number}" for number in bands], member.astype(np.intp)
+    for number in np.unique(band).tolist():
+        yield (equation, f"{track.procedure.value} {number}"), band == number
 
 
 def _leave_out(fit: Fit, cross: Floats, own: Floats, pull: Floats) -> tuple[Floats, Floats]:
