@@ -13,7 +13,7 @@ from rig.config.bench import SIMULATED, BenchFile, Device, Lock
 from rig.config.dut import Dut, Rotation, default_dut
 from rig.loop.frames import turned
 from rig.loop.model_file import Model
-from rig.loop.terms import Entry, Line, TermClass
+from rig.loop.terms import Entry, Line, TermClass, periodic_effects
 from rig.operator import Answered
 from sim_backend.errors import ModelError
 from sim_backend.model.effects import CATALOGUE, ActiveEffect
@@ -220,11 +220,12 @@ def effects_of_model(model: Model, assumed: list[str]) -> tuple[ActiveEffect, ..
     A term without a catalogue name runs as the catalogue's effect of the same equation, variable and shape.
     """
     active: list[ActiveEffect] = []
+    lines = {kind.effect: CATALOGUE[kind.effect] for kind in periodic_effects() if kind.effect is not None}
     for fitted in model.effects:
-        effect = CATALOGUE.get(fitted.effect) or next(
+        effect = lines.get(fitted.effect) or next(
             (
                 e
-                for e in CATALOGUE.values()
+                for e in lines.values()
                 if (e.variable, e.shape) == (fitted.variable, fitted.shape) and e.enters == fitted.enters
             ),
             None,

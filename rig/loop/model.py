@@ -35,6 +35,8 @@ from sim_backend.model.compliance import (
     wave_generator_stiffness,
     wave_generator_torsion,
 )
+from sim_backend.model.effects.inertia import inertia
+from sim_backend.model.effects.viscous_friction import viscous_friction
 
 Floats = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -263,7 +265,7 @@ def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Eva
         sign = np.sign(track.speed)
         if track.moves:
             M = T / N + sign * (model.value("T_c") - model.value("T_cr"))
-            M = M + track.speed * (model.value("b") - model.value("b_r"))
+            M = M + viscous_friction(track.speed, model.value("b") - model.value("b_r"))
         else:
             M = track.M - additions.motor(T, track.direction)
         wound = wave_generator_torsion(M, K_w0, C_w) / N
@@ -359,10 +361,11 @@ def _motor(piece: Piece, model: Model) -> Evaluation:
     load = None
     if piece.law is Law.FREE_RUN:
         sign = np.sign(track.speed)
-        value = value + sign * model.value(coulomb) + track.speed * model.value(viscous)
+        value = value + sign * model.value(coulomb) + viscous_friction(track.speed, model.value(viscous))
         base[coulomb], base[viscous] = sign, track.speed
         if track.ripple is not None and not current and np.any(track.ripple.position):
-            value = value + model.value("J_r") * track.ripple.acceleration + model.value("K_r") * track.ripple.position
+            swinging = inertia(track.ripple.acceleration, model.value("J_r"))
+            value = value + swinging + model.value("K_r") * track.ripple.position
             # as long as no term stands for the disturbance, the rotor's answer to it would be taken for it
             if any(line.kind.entry in (Entry.MOTOR, Entry.MOTOR_AGAINST_MOTION) for line in model.lines):
                 base |= {"J_r": track.ripple.acceleration, "K_r": track.ripple.position}
@@ -376,8 +379,8 @@ def _output(track: Track, model: Model) -> Evaluation:
     positions = _positions(track, model.ratio)
     additions = _additions(track, model, positions)
     sign, ones = np.sign(track.speed), np.ones(track.size)
-    friction = sign * model.value("T_co") + track.speed * model.value("b_o")
-    value = additions.load + friction + track.acceleration * model.value("J_o") + model.value("T_0")
+    friction = sign * model.value("T_co") + viscous_friction(track.speed, model.value("b_o"))
+    value = additions.load + friction + inertia(track.acceleration, model.value("J_o")) + model.value("T_0")
     base = {"T_co": sign, "b_o": track.speed, "J_o": track.acceleration, "T_0": ones}
     nothing = np.zeros(track.size)
     return Evaluation(value, base, False, None, Route(ones), positions, nothing, track.direction, _everywhere(track))

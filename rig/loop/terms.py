@@ -52,7 +52,7 @@ ENTRY_OF: Mapping[Enters, Entry] = {
     Enters.MOTOR_BALANCE: Entry.MOTOR,
     Enters.OUTPUT_BALANCE: Entry.OUTPUT,
 }
-"""How a catalogue effect enters; `reading` effects have no periodic member yet."""
+"""How a catalogue effect enters; those in a reading, in the friction and of the base model are no terms yet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,9 +104,10 @@ def periodic_effects() -> tuple[TermClass, ...]:
 
 
 def _is_one_line(effect: Effect) -> bool:
-    """Whether the effect is amplitude * sin(order * variable + phase) of one angle."""
+    """Whether the effect is amplitude * sin(order * variable + phase) of one angle, and of nothing else."""
     names = {parameter.name for parameter in effect.parameters}
-    return {"amplitude", "phase"} <= names <= {"amplitude", "phase", "order"} and len(effect.signals) == 1
+    takes_one = effect.signals == (effect.variable,) and not effect.memory
+    return {"amplitude", "phase"} <= names <= {"amplitude", "phase", "order"} and takes_one
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,6 @@
 """An effect's function over whole signals, compiled from the same source as in the plant."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Any
@@ -16,34 +17,52 @@ Floats = NDArray[np.float64]
 
 
 def evaluate(
-    effect: Effect, signals: Mapping[str, Floats], values: Sequence[float], *, compiled: bool = True
+    effect: Effect,
+    signals: Mapping[str, Floats],
+    values: Sequence[float],
+    *,
+    step: float | None = None,
+    memory: Floats | None = None,
+    compiled: bool = True,
 ) -> Floats:
     """Give what `effect` adds at every sample, shape (n,), in its unit.
 
     signals: contract signals by name, SI, each shape (n,); those which the effect takes must be there, others are
     ignored. values: its parameters in the order of `effect.parameters`; with amplitude 1 this is its column in a fit.
-    Raises ModelError if a signal is missing or has another length, or the number of values is wrong.
+    step: s between two samples; an effect that remembers needs it. memory: what it remembers from the samples before,
+    shape (effect.memory,), left as it is after the last one; None: these are the first.
+    Raises ModelError if a signal is missing or has another length, the number of values is wrong, or an effect that
+    remembers gets no positive step or a memory of another size.
     """
-    return _apply(effect, _loop(effect, effect.function, compiled), signals, values)
+    return _apply(effect, False, compiled, signals, values, step, memory)
 
 
 def evaluate_slope(
-    effect: Effect, signals: Mapping[str, Floats], values: Sequence[float], *, compiled: bool = True
+    effect: Effect,
+    signals: Mapping[str, Floats],
+    values: Sequence[float],
+    *,
+    step: float | None = None,
+    memory: Floats | None = None,
+    compiled: bool = True,
 ) -> Floats:
-    """Give the derivative with respect to motor_position at every sample, shape (n,); as `evaluate`.
+    """Give the effect's slope (see `Effect`) at every sample, shape (n,), rad/rad; otherwise as `evaluate`.
 
     Raises ModelError if the effect has none.
     """
     if effect.slope is None:
         raise ModelError(f"{effect.id} has no slope: it does not react on the motor.")
-    return _apply(effect, _loop(effect, effect.slope, compiled), signals, values)
+    return _apply(effect, True, compiled, signals, values, step, memory)
 
 
 def _apply(
     effect: Effect,
-    loop: Callable[..., None],
+    slope: bool,
+    compiled: bool,
     signals: Mapping[str, Floats],
     values: Sequence[float],
+    step: float | None,
+    memory: Floats | None,
 ) -> Floats:
     missing = [name for name in effect.signals if name not in signals]
     if missing:
@@ -51,26 +70,39 @@ def _apply(
     if len(values) != len(effect.parameters):
         names = ", ".join(parameter.name for parameter in effect.parameters)
         raise ModelError(f"{effect.id} takes {len(effect.parameters)} values ({names}); {len(values)} were given.")
+    if effect.memory and not (step is not None and math.isfinite(step) and step > 0.0):
+        raise ModelError(f"{effect.id} remembers and needs the step between two samples, above 0 s; step = {step!r} s.")
+    remembered = np.zeros(effect.memory) if memory is None else memory
+    if remembered.shape != (effect.memory,):
+        raise ModelError(f"{effect.id}: memory has the shape {remembered.shape}; it must be ({effect.memory},).")
     columns = [np.ascontiguousarray(signals[name], dtype=np.float64) for name in effect.signals]
     shapes = {column.shape for column in columns}
     if len(shapes) != 1 or any(column.ndim != 1 for column in columns):
         raise ModelError(f"{effect.id}: its signals have shapes {sorted(shapes)}; they must be one (n,).")
     outputs = np.empty_like(columns[0])
-    loop(outputs, np.array(values, dtype=np.float64), *columns)
+    loop = _loop(effect, slope, compiled)
+    loop(outputs, np.array(values, dtype=np.float64), 0.0 if step is None else step, remembered, *columns)
     return outputs
 
 
 @cache
-def _loop(effect: Effect, function: Callable[..., float], compiled: bool) -> Callable[..., None]:
+def _loop(effect: Effect, slope: bool, compiled: bool) -> Callable[..., None]:
+    """Give the loop over the samples; a slope is asked for after the value, which moves the memory on."""
     columns = list(effect.signals)
     arguments = [f"{name}[i]" for name in columns]
+    if effect.memory:
+        arguments += ["step", "memory"]
     arguments += [f"values[{i}]" for i in range(len(effect.parameters))]
-    body = (
-        f"{function_source(function, 'value')}\n\n"
-        f"@compiled\ndef over_arrays(outputs, values, {', '.join(columns)}):\n"
+    parts = [function_source(effect.function, "value")]
+    line = f"outputs[i] = value({', '.join(arguments)})"
+    if slope and effect.slope is not None:
+        parts.append(function_source(effect.slope, "slope"))
+        line += f"\n        outputs[i] = slope({', '.join(arguments)})"
+    parts.append(
+        f"@compiled\ndef over_arrays(outputs, values, step, memory, {', '.join(columns)}):\n"
         f"    for i in range(len(outputs)):\n"
-        f"        outputs[i] = value({', '.join(arguments)})"
+        f"        {line}"
     )
-    module: Any = load(f"{effect.id} over arrays", body, compiled=compiled)
+    module: Any = load(f"{effect.id} over arrays", "\n\n".join(parts), compiled=compiled)
     over_arrays: Callable[..., None] = module.over_arrays
     return over_arrays
