@@ -222,14 +222,8 @@ def effects_of_model(model: Model, assumed: list[str]) -> tuple[ActiveEffect, ..
     """
     active: list[ActiveEffect] = []
     for fitted in model.effects:
-        effect = CATALOGUE.get(fitted.effect) or next(
-            (
-                e
-                for e in CATALOGUE.values()
-                if (e.variable, e.shape) == (fitted.variable, fitted.shape) and e.enters == fitted.enters
-            ),
-            None,
-        )
+        alike = (k.effect for k in periodic_effects() if (k.variable, k.enters) == (fitted.variable, fitted.enters))
+        effect = CATALOGUE.get(fitted.effect) or CATALOGUE.get(next(alike, None) or "" if fitted.lines else "")
         if effect is None:
             assumed.append(f"'{fitted.effect}' is left out: the simulated bench has no such effect")
             continue

@@ -21,6 +21,7 @@ from rig.log.load import load_runs
 from rig.log.names import writable_folder
 from rig.loop.campaign import LoopOptions
 from rig.loop.result import LoopResult
+from rig.loop.terms import Entry, periodic_effects
 from rig.loop.trace import trace
 from rig.operator import SimulatedOperator
 from rig.session import Job, Provenance, RunRecord, Session, Watcher, run_jobs
@@ -90,9 +91,11 @@ def _fresh(out: Path) -> Path:
 
 
 def draw_effect(seed: int) -> ActiveEffect:
-    """Draw an effect of the catalogue: which one, its amplitude around the typical one, its phase."""
+    """Draw an effect that the loop can name: which one, its amplitude around the typical one, its phase."""
     random = np.random.default_rng(seed)
-    effect = CATALOGUE[list(CATALOGUE)[int(random.integers(len(CATALOGUE)))]]
+    plain = (Entry.TORSION, Entry.MOTOR, Entry.OUTPUT)
+    nameable = [kind.effect for kind in periodic_effects() if kind.effect is not None and kind.entry in plain]
+    effect = CATALOGUE[nameable[int(random.integers(len(nameable)))]]
     values = []
     for parameter in effect.parameters:
         if parameter.name in effect.amplitudes:

@@ -38,6 +38,8 @@ from sim_backend.model.compliance import (
     wave_generator_torsion,
 )
 from sim_backend.model.effects import Effect
+from sim_backend.model.effects.inertia import inertia
+from sim_backend.model.effects.viscous_friction import viscous_friction
 
 Floats = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -393,7 +395,7 @@ def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Eva
         if track.moves:
             level = added.friction(signals)
             M = T / N + sign * (model.value("T_c") - model.value("T_cr") + (0.0 if level is None else level))
-            M = M + track.speed * (model.value("b") - model.value("b_r"))
+            M = M + viscous_friction(track.speed, model.value("b") - model.value("b_r"))
         else:
             M = track.M - added.motor(signals)
         wound = wave_generator_torsion(M, K_w0, C_w) / N
@@ -506,7 +508,8 @@ def _motor(piece: Piece, model: Model) -> Evaluation:
     if piece.law is Law.FREE_RUN:
         sign = np.sign(track.speed)
         level = added.friction(signals)
-        running = sign * (model.value(coulomb) + (0.0 if level is None else level)) + track.speed * model.value(viscous)
+        running = sign * (model.value(coulomb) + (0.0 if level is None else level))
+        running = running + viscous_friction(track.speed, model.value(viscous))
         base[coulomb], base[viscous] = sign, track.speed
         friction = Route(sign)
         if model.ratio is not None and not current:
@@ -515,7 +518,9 @@ def _motor(piece: Piece, model: Model) -> Evaluation:
     signals["motor_torque"] = running
     value = running + added.motor(signals) + model.value(constant)
     if piece.law is Law.FREE_RUN and track.ripple is not None and not current and np.any(track.ripple.position):
-        value = value + model.value("J_r") * track.ripple.acceleration + model.value("K_r") * track.ripple.position
+        value = (
+            value + inertia(track.ripple.acceleration, model.value("J_r")) + model.value("K_r") * track.ripple.position
+        )
         # as long as no term stands for the disturbance, the rotor's answer to it would be taken for it
         if any(line.kind.entry.equation is Equation.MOTOR_TORQUE for line in model.lines):
             base |= {"J_r": track.ripple.acceleration, "K_r": track.ripple.position}
@@ -529,8 +534,8 @@ def _output(track: Track, model: Model) -> Evaluation:
     added = _added(track, model, positions)
     sign, ones, nothing = np.sign(track.speed), np.ones(track.size), np.zeros(track.size)
     signals = _signals(track, model, positions, nothing, None)
-    friction = sign * model.value("T_co") + track.speed * model.value("b_o")
-    value = added.load(signals) + friction + track.acceleration * model.value("J_o") + model.value("T_0")
+    friction = sign * model.value("T_co") + viscous_friction(track.speed, model.value("b_o"))
+    value = added.load(signals) + friction + inertia(track.acceleration, model.value("J_o")) + model.value("T_0")
     base = {"T_co": sign, "b_o": track.speed, "J_o": track.acceleration, "T_0": ones}
     return Evaluation(
         value, base, False, None, Route(ones), None, signals, nothing, _everywhere(track), model.ratio or 1.0

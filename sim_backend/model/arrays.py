@@ -22,17 +22,19 @@ def evaluate(
     values: Sequence[float],
     *,
     step: float | None = None,
+    memory: Floats | None = None,
     compiled: bool = True,
 ) -> Floats:
     """Give what `effect` adds at every sample, shape (n,), in its unit.
 
     signals: contract signals by name, SI, each shape (n,); those which the effect takes must be there, others are
     ignored. values: its parameters in the order of `effect.parameters`; with amplitude 1 this is its column in a fit.
-    step: s between samples, for effects with memory; the memory starts at the equilibrium of the first sample.
-    Raises ModelError if a signal is missing or has another length, the number of values is wrong, or `step` is
-    missing where the effect needs it.
+    step: s between two samples; an effect that remembers needs it. memory: what it remembers from the samples before,
+    shape (effect.memory,), left as it is after the last one; None: these are the first.
+    Raises ModelError if a signal is missing or has another length, the number of values is wrong, or an effect that
+    remembers gets no positive step or a memory of another size.
     """
-    return _apply(effect, _loop(effect, slope=False, compiled=compiled), signals, values, step)
+    return _apply(effect, False, compiled, signals, values, step, memory)
 
 
 def evaluate_slope(
@@ -41,23 +43,26 @@ def evaluate_slope(
     values: Sequence[float],
     *,
     step: float | None = None,
+    memory: Floats | None = None,
     compiled: bool = True,
 ) -> Floats:
-    """Give the torque which drives the motor per N*m of output torque (`Effect.slope`), shape (n,); as `evaluate`.
+    """Give the effect's slope (see `Effect`) at every sample, shape (n,), rad/rad; otherwise as `evaluate`.
 
     Raises ModelError if the effect has none.
     """
     if effect.slope is None:
         raise ModelError(f"{effect.id} has no slope: it does not react on the motor.")
-    return _apply(effect, _loop(effect, slope=True, compiled=compiled), signals, values, step)
+    return _apply(effect, True, compiled, signals, values, step, memory)
 
 
 def _apply(
     effect: Effect,
-    loop: Callable[..., None],
+    slope: bool,
+    compiled: bool,
     signals: Mapping[str, Floats],
     values: Sequence[float],
     step: float | None,
+    memory: Floats | None,
 ) -> Floats:
     missing = [name for name in effect.signals if name not in signals]
     if missing:
@@ -66,33 +71,37 @@ def _apply(
         names = ", ".join(parameter.name for parameter in effect.parameters)
         raise ModelError(f"{effect.id} takes {len(effect.parameters)} values ({names}); {len(values)} were given.")
     if effect.memory and not (step is not None and math.isfinite(step) and step > 0.0):
-        raise ModelError(f"{effect.id} remembers: step = {step!r} s between its samples must be finite and above 0 s.")
+        raise ModelError(f"{effect.id} remembers and needs the step between two samples, above 0 s; step = {step!r} s.")
+    remembered = np.zeros(effect.memory) if memory is None else memory
+    if remembered.shape != (effect.memory,):
+        raise ModelError(f"{effect.id}: memory has the shape {remembered.shape}; it must be ({effect.memory},).")
     columns = [np.ascontiguousarray(signals[name], dtype=np.float64) for name in effect.signals]
     shapes = {column.shape for column in columns}
     if len(shapes) != 1 or any(column.ndim != 1 for column in columns):
         raise ModelError(f"{effect.id}: its signals have shapes {sorted(shapes)}; they must be one (n,).")
     outputs = np.empty_like(columns[0])
-    loop(outputs, np.array(values, dtype=np.float64), step or 0.0, np.zeros(max(effect.memory, 1)), *columns)
+    loop = _loop(effect, slope, compiled)
+    loop(outputs, np.array(values, dtype=np.float64), 0.0 if step is None else step, remembered, *columns)
     return outputs
 
 
 @cache
-def _loop(effect: Effect, *, slope: bool, compiled: bool) -> Callable[..., None]:
+def _loop(effect: Effect, slope: bool, compiled: bool) -> Callable[..., None]:
+    """Give the loop over the samples; a slope is asked for after the value, which moves the memory on."""
     columns = list(effect.signals)
     arguments = [f"{name}[i]" for name in columns]
-    arguments += ["step", "memory"] if effect.memory else []
+    if effect.memory:
+        arguments += ["step", "memory"]
     arguments += [f"values[{i}]" for i in range(len(effect.parameters))]
     parts = [function_source(effect.function, "value")]
-    call = f"value({', '.join(arguments)})"
-    loop = [f"        outputs[i] = {call}"]
+    line = f"outputs[i] = value({', '.join(arguments)})"
     if slope and effect.slope is not None:
         parts.append(function_source(effect.slope, "slope"))
-        # what the slope stands on is remembered by the function
-        loop = [f"        {call}"] if effect.memory else []
-        loop.append(f"        outputs[i] = slope({', '.join(arguments)})")
+        line += f"\n        outputs[i] = slope({', '.join(arguments)})"
     parts.append(
         f"@compiled\ndef over_arrays(outputs, values, step, memory, {', '.join(columns)}):\n"
-        f"    for i in range(len(outputs)):\n" + "\n".join(loop)
+        f"    for i in range(len(outputs)):\n"
+        f"        {line}"
     )
     module: Any = load(f"{effect.id} over arrays", "\n\n".join(parts), compiled=compiled)
     over_arrays: Callable[..., None] = module.over_arrays

@@ -7,22 +7,19 @@
 T_F acts on the flexspline output from outside, T_w is what the wave generator exerts back on the motor shaft, so
 that T_w = -motor_torque at rest and torsion = f(output_torque) + g(motor_torque)/N in logged signals.
 
-Written with numpy's elementary functions, so that one definition serves scalars in compiled code and arrays in a
-fit. Source: Zhang, Ahmad & Liu, "Modeling of Torsional Compliance and Hysteresis Behaviors in Harmonic Drives".
+Both laws are those of the catalogue's base terms. Source: Zhang, Ahmad & Liu, "Modeling of Torsional Compliance and
+Hysteresis Behaviors in Harmonic Drives".
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_backend.model.effects.flexspline_compliance import flexspline_compliance as flexspline_torsion
+from sim_backend.model.effects.wave_generator_compliance import wave_generator_compliance
+
+__all__ = ["flexspline_stiffness", "flexspline_torsion", "wave_generator_stiffness", "wave_generator_torsion"]
+
 Floats = NDArray[np.float64]
-
-
-def flexspline_torsion(torque: Floats, K_F0: float, C_F: float) -> Floats:
-    """Torsion of the flexspline, rad at the output, for an output torque in N*m. Equation (24).
-
-    K_F0: stiffness at zero torque, N*m/rad. C_F: 1/(N*m); positive.
-    """
-    return np.arctan(C_F * torque) / (C_F * K_F0)
 
 
 def flexspline_stiffness(torque: Floats, K_F0: float, C_F: float) -> Floats:
@@ -35,7 +32,7 @@ def wave_generator_torsion(torque: Floats, K_w0: float, C_w: float) -> Floats:
 
     K_w0: stiffness at zero torque, N*m/rad at the motor. C_w: 1/(N*m); positive.
     """
-    return np.sign(torque) * (-np.expm1(-C_w * np.abs(torque))) / (C_w * K_w0)
+    return wave_generator_compliance(torque, K_w0, C_w, 1.0)
 
 
 def wave_generator_stiffness(torque: Floats, K_w0: float, C_w: float) -> Floats:

@@ -1,20 +1,109 @@
-"""The effect catalogue: one file an effect, one line here."""
+"""The effect catalogue: one file an effect, one line here. In the order of where they enter."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from sim_backend.model.effects import cogging, gravity_load, kinematic_error
-from sim_backend.model.effects.effect import ActiveEffect, Effect, Energy, Enters, Parameter, Shape
+from sim_backend.model.effects import (
+    backlash,
+    channel_delay,
+    cogging,
+    coulomb_friction,
+    creep,
+    current_sensor_offset,
+    encoder_missed_counts,
+    encoder_subdivision_error,
+    fixture_compliance,
+    flexspline_compliance,
+    gravity_load,
+    inertia,
+    kinematic_error,
+    load_dependent_friction,
+    maxwell_slip,
+    motor_encoder_eccentricity,
+    output_encoder_eccentricity,
+    position_dependent_friction,
+    rate_dependent_hysteresis,
+    soft_windup,
+    stiffness_modulation,
+    stribeck_friction,
+    structural_resonance,
+    temperature_dependent_friction,
+    temperature_dependent_stiffness,
+    thermal_expansion,
+    torque_constant_error,
+    torque_constant_saturation,
+    torque_ripple,
+    torque_sensor_drift,
+    torque_sensor_gain,
+    torque_sensor_lag,
+    torque_sensor_nonlinearity,
+    torque_sensor_offset,
+    viscous_friction,
+    wave_generator_compliance,
+)
+from sim_backend.model.effects.effect import (
+    DERIVED_SIGNALS,
+    ActiveEffect,
+    Effect,
+    Energy,
+    Enters,
+    Memory,
+    Parameter,
+    Shape,
+)
 
-__all__ = ["CATALOGUE", "ActiveEffect", "Effect", "Energy", "Enters", "Parameter", "Shape"]
+__all__ = [
+    "CATALOGUE",
+    "DERIVED_SIGNALS",
+    "ActiveEffect",
+    "Effect",
+    "Energy",
+    "Enters",
+    "Memory",
+    "Parameter",
+    "Shape",
+]
 
 CATALOGUE: Mapping[str, Effect] = MappingProxyType(
     {
         effect.id: effect
         for effect in (
+            flexspline_compliance.EFFECT,
+            wave_generator_compliance.EFFECT,
+            coulomb_friction.EFFECT,
+            viscous_friction.EFFECT,
+            inertia.EFFECT,
             kinematic_error.EFFECT,
+            soft_windup.EFFECT,
+            backlash.EFFECT,
+            creep.EFFECT,
+            maxwell_slip.EFFECT,
+            rate_dependent_hysteresis.EFFECT,
+            stiffness_modulation.EFFECT,
+            temperature_dependent_stiffness.EFFECT,
+            fixture_compliance.EFFECT,
+            thermal_expansion.EFFECT,
+            structural_resonance.EFFECT,
+            stribeck_friction.EFFECT,
+            load_dependent_friction.EFFECT,
+            position_dependent_friction.EFFECT,
+            temperature_dependent_friction.EFFECT,
             cogging.EFFECT,
+            torque_ripple.EFFECT,
             gravity_load.EFFECT,
+            motor_encoder_eccentricity.EFFECT,
+            output_encoder_eccentricity.EFFECT,
+            encoder_subdivision_error.EFFECT,
+            encoder_missed_counts.EFFECT,
+            torque_sensor_offset.EFFECT,
+            torque_sensor_drift.EFFECT,
+            torque_sensor_gain.EFFECT,
+            torque_sensor_nonlinearity.EFFECT,
+            torque_sensor_lag.EFFECT,
+            current_sensor_offset.EFFECT,
+            torque_constant_error.EFFECT,
+            torque_constant_saturation.EFFECT,
+            channel_delay.EFFECT,
         )
     }
 )

@@ -34,6 +34,12 @@ EFFECT = Effect(
     function=cogging,
     energy=Energy.CONSERVATIVE,
     shows=("free-run", "starting-torque"),
-    confusable=("position-dependent-friction", "torque-ripple", "kinematic-error"),
+    confusable=(
+        "position-dependent-friction",
+        "torque-ripple",
+        "kinematic-error",
+        "stribeck-friction",
+        "current-sensor-offset",
+    ),
     separated_by="both directions (half-sum and half-difference); a ladder of currents at the same angles",
 )

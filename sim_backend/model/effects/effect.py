@@ -7,11 +7,40 @@ scalar code that numba can compile and uses nothing but its arguments, `math` an
 
 import inspect
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from types import MappingProxyType
+from typing import Protocol
 
 from sim_backend.errors import ModelError
+
+DERIVED_SIGNALS: Mapping[str, str] = MappingProxyType(
+    {
+        "motor_acceleration": "rad/s^2",
+        "locked": "1",
+        "flexspline_torsion": "rad",
+        "base_friction": "N*m",
+    }
+)
+"""Signals that an effect may take besides those of a log, with their unit.
+
+`locked`: 1 while the fixture holds the output, else 0. `flexspline_torsion`: f(T_F) of the base model.
+`base_friction`: the base model's running friction, seen at the motor, at least 0. `motor_acceleration`: for the
+base term `inertia` alone.
+"""
+
+
+class Memory(Protocol):
+    """What an effect remembers: its own slice of an array of float64, which its function changes in place."""
+
+    @property
+    def size(self) -> int:
+        """How many numbers there are."""
+
+    def __getitem__(self, place: int, /) -> float: ...
+
+    def __setitem__(self, place: int, value: float, /) -> None: ...
 
 
 class Enters(StrEnum):
@@ -78,12 +107,14 @@ class Effect:
     """One entry of the catalogue.
 
     `function(signals..., [step, memory,] parameters...)` returns the addition in `unit`. With `amplitudes` at zero the
-    effect is absent; where `linear`, the addition is linear in them taken together.
+    effect is absent; where `linear`, the addition is linear in them taken together. A base term has no amplitudes: its
+    function gives the whole term.
     `slope`, with the same arguments, is for effects in the torsion that depend on `motor_position`: the torque with
     which the effect helps to drive the motor, per N*m of output torque. That is the derivative of its coenergy
     (integral of the addition over the output torque) by motor_position, divided by the output torque; for an addition
     that does not depend on the torque, simply its derivative. It is called after `function` and leaves `memory` alone.
-    `memory`: how many numbers the effect remembers, all zero before the first call; `step`: s since the last call.
+    `memory`: how many numbers the effect remembers, all zero before the first call, which starts at the equilibrium of
+    its signals; `step`: s since the last call, above 0.
     `reads`: the signal whose reading it changes (READING only, else empty).
     `variable` and `shape` say what it depends on and how; `shows` names the procedures that show it, `confusable` the
     ids it can be taken for and `separated_by` the experiment that tells them apart. `parameters` are in order.

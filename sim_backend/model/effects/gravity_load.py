@@ -32,6 +32,11 @@ EFFECT = Effect(
     function=gravity_load,
     energy=Energy.CONSERVATIVE,
     shows=("free-run", "backdrive"),
-    confusable=("output-encoder-eccentricity", "torque-sensor-offset"),
+    confusable=(
+        "output-encoder-eccentricity",
+        "torque-sensor-offset",
+        "current-sensor-offset",
+        "position-dependent-friction",
+    ),
     separated_by="turn the bench about the axis, or fit a counterweight",
 )

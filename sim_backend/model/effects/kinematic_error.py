@@ -40,6 +40,16 @@ EFFECT = Effect(
     slope=kinematic_error_slope,
     energy=Energy.CONSERVATIVE,
     shows=("free-run", "locked-output"),
-    confusable=("motor-encoder-eccentricity", "stiffness-modulation", "flexspline-compliance"),
+    confusable=(
+        "motor-encoder-eccentricity",
+        "stiffness-modulation",
+        "flexspline-compliance",
+        "soft-windup",
+        "cogging",
+        "output-encoder-eccentricity",
+        "encoder-subdivision-error",
+        "structural-resonance",
+        "inertia",
+    ),
     separated_by="8 to 16 start angles, or a slow free run in both directions; re-clock the encoder for order 1",
 )

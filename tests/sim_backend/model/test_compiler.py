@@ -144,7 +144,8 @@ def test_an_effect_on_a_reading_is_refused_by_the_plant():
 
 
 def test_the_generated_source_contains_every_active_effect_once():
-    source = kernel_source(list(CATALOGUE.values()))
-    for number in range(len(CATALOGUE)):
+    effects = [CATALOGUE[name] for name in ("kinematic-error", "cogging", "gravity-load")]
+    source = kernel_source(effects)
+    for number in range(len(effects)):
         assert source.count(f"def effect_{number}(") == 1
     assert np.all([f"effect_parameters[{k}]" in source for k in range(8)])

@@ -1,0 +1,39 @@
+"""Inertia of rotor and wave generator.
+
+    motor_torque = J * motor_acceleration        N*m at the motor, J = J_m + J_wg
+
+Source: Castejon, Garcia-Prada & Lara 2009, equations (9) and (15) (with J_wg, which (15) drops).
+"""
+
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_backend.model.effects.effect import Effect, Energy, Enters, Parameter, Shape
+
+Real = TypeVar("Real", float, NDArray[np.float64])
+
+
+def inertia(motor_acceleration: Real, J: float) -> Real:
+    """Give the torque that the motor must overcome, N*m."""
+    return J * motor_acceleration
+
+
+EFFECT = Effect(
+    id="inertia",
+    summary="rotor and wave generator resist a change of speed",
+    equation="motor_torque = J * motor_acceleration",
+    source="Castejon et al. 2009 (9), (15)",
+    enters=Enters.BASE,
+    variable="motor_velocity",
+    shape=Shape.RATE,
+    unit="N*m",
+    parameters=(Parameter("J", "kg*m^2", 0.0, 1e3, 3e-5, "rotor and wave generator together, at the motor"),),
+    amplitudes=(),
+    function=inertia,
+    energy=Energy.CONSERVATIVE,
+    shows=("free-run", "locked-output"),
+    confusable=("kinematic-error", "structural-resonance"),
+    separated_by="ramps at several accelerations; a ladder of speeds, as its share grows with the square of the speed",
+)

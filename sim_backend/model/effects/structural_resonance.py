@@ -1,0 +1,55 @@
+"""Structural resonance: frame, torque cell or lever ring when the torque's rate jumps, as at a reversal.
+
+    output_position reads x more:  x'' + 2 damping w x' + w^2 x = amplitude * w * output_torque'',  w = 2 pi frequency
+
+A jump of the torque's rate by 1 N*m/s starts a decaying sine of size `amplitude`. Between two calls the torque runs
+straight, so that its second derivative is a kick at each call and x swings freely in between, which is solved exactly.
+Starts at rest. Source: linear vibration of one mode.
+"""
+
+import math
+
+from sim_backend.model.effects.effect import Effect, Energy, Enters, Memory, Parameter, Shape
+
+
+def structural_resonance(
+    output_torque: float, step: float, memory: Memory, amplitude: float, frequency: float, damping: float
+) -> float:
+    """Angle added to the reading, rad. memory: swing per amplitude, its speed, torque and rate before, started."""
+    if memory[4] == 0.0:
+        memory[2], memory[4] = output_torque, 1.0
+    rate = (output_torque - memory[2]) / step
+    w = 2.0 * math.pi * frequency
+    ringing = w * math.sqrt(1.0 - damping * damping)
+    decay = math.exp(-damping * w * step)
+    cosine, sine = decay * math.cos(ringing * step), decay * math.sin(ringing * step) / ringing
+    swing, speed = memory[0], memory[1] + w * (rate - memory[3])
+    memory[0] = swing * (cosine + damping * w * sine) + speed * sine
+    memory[1] = speed * (cosine - damping * w * sine) - swing * w * w * sine
+    memory[2], memory[3] = output_torque, rate
+    return amplitude * memory[0]
+
+
+EFFECT = Effect(
+    id="structural-resonance",
+    summary="frame, torque cell or lever ring after a reversal",
+    equation="output_position reads x more, x'' + 2 damping w x' + w^2 x = amplitude * w * output_torque''",
+    source="linear vibration of one mode",
+    enters=Enters.READING,
+    variable="time",
+    shape=Shape.PERIODIC,
+    unit="rad",
+    parameters=(
+        Parameter("amplitude", "rad*s/(N*m)", 0.0, 1.0, 1e-5, "size of the ringing per jump of the torque's rate"),
+        Parameter("frequency", "Hz", 1e-3, 1e5, 12.0, "w / (2 pi)"),
+        Parameter("damping", "1", 0.0, 0.99, 0.02, "damping ratio"),
+    ),
+    amplitudes=("amplitude",),
+    function=structural_resonance,
+    energy=Energy.NONE,
+    shows=("free-run", "locked-output"),
+    confusable=("kinematic-error", "inertia"),
+    separated_by="a ladder of speeds: orders move with the speed, a resonance stays at its frequency",
+    memory=5,
+    reads="output_position",
+)
