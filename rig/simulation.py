@@ -14,7 +14,7 @@ from rig.config.dut import Dut, Rotation, default_dut
 from rig.loop.frames import turned, turned_shape
 from rig.loop.model_file import Model, ModelEffect
 from rig.loop.shapes import ShapeTerm
-from rig.loop.terms import Entry, Line, TermClass
+from rig.loop.terms import Entry, Line, TermClass, periodic_effects
 from rig.operator import Answered
 from sim_backend.errors import ModelError
 from sim_backend.model.effects import CATALOGUE, ActiveEffect, Effect

@@ -50,6 +50,12 @@ ANGLE_PASSES = 2
 
 ANGLES = ("motor_position", "output_position")
 
+FLEXSPLINE_TORQUE = "flexspline_torque"
+"""Name of the torque by which an angle error acts on the motor, beside the signals of the contract."""
+
+LEAST_LOAD = 0.05
+"""Part of the running friction by which the torque of a turning run must vary before it is a load and not noise."""
+
 LEAST_LEVEL = 1e-3
 """Share of the base level of friction that is left whatever is taken from it."""
 
@@ -256,7 +262,7 @@ class _Added:
 
     def angle(self, signals: Mapping[str, Floats]) -> Floats:
         """Give the sum added to the torsion, rad, shape (n,)."""
-        torque = signals["output_torque"]
+        torque = signals[FLEXSPLINE_TORQUE]
         parts = [angle_addition(entry, values.value, torque, self.ratio) for entry, values in self.lines]
         parts += [
             added / _gear_of(term.effect, self.ratio)
@@ -273,7 +279,7 @@ class _Added:
 
     def motor(self, signals: Mapping[str, Floats]) -> Floats:
         """Give the sum added to the motor balance, N*m, shape (n,)."""
-        torque = signals["output_torque"]
+        torque = signals[FLEXSPLINE_TORQUE]
         parts = [motor_addition(entry, values.value, values.slope, torque, signals) for entry, values in self.lines]
         parts += [addition(term, signals, self.step) for term in self._at(Place.MOTOR)]
         backs = [reaction(term, signals, self.step) for term in self._at(Place.ANGLE)]
@@ -309,15 +315,27 @@ def _signals(
     track: Track, model: Model, positions: Mapping[str, Floats], T: Floats, M: Floats | None
 ) -> dict[str, Floats]:
     """Give what terms may use: T and M are the torques at the flexspline and of the motor, as far as known."""
-    found = {**track.auxiliary, **positions, "time": track.time, "direction": track.direction, "output_torque": T}
+    found = {**track.auxiliary, **positions, "time": track.time, "direction": track.direction, FLEXSPLINE_TORQUE: T}
     found["locked"] = np.full(track.size, float(track.procedure is ProcedureName.LOCKED_OUTPUT))
     found["motor_velocity"] = track.speed
-    found["flexspline_torsion"] = flexspline_torsion(T, model.value("K_F0"), model.value("C_F"))
+    if _is_loaded(track, model):
+        found["output_torque"] = T
+        found["flexspline_torsion"] = flexspline_torsion(T, model.value("K_F0"), model.value("C_F"))
     found["base_friction"] = np.abs(model.value("T_c")) + np.abs(model.value("b") * track.speed)
     if M is not None:
         found["motor_torque"] = M
         if track.torque_constant is not None:
             found["motor_current"] = M / track.torque_constant
+    return found
+
+
+def _loaded(signals: dict[str, Floats], T: Floats, torsion: Floats | None = None) -> dict[str, Floats]:
+    """Give the signals with another torque at the flexspline (N*m), and its torsion (rad) where that is known."""
+    found = signals | {FLEXSPLINE_TORQUE: T}
+    if "output_torque" in signals:
+        found["output_torque"] = T
+        if torsion is not None:
+            found["flexspline_torsion"] = torsion
     return found
 
 
@@ -379,12 +397,12 @@ def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Eva
     N = _ratio(model)
     K_F0, C_F, K_w0, C_w = (model.value(name) for name in ("K_F0", "C_F", "K_w0", "C_w"))
     added = _added(track, model, positions)
-    signals = _signals(track, model, positions, _load(track), track.M)
+    signals = _signals(track, model, positions, _load(track, model), track.M)
     load = added.load(signals)
-    T = _load(track) - load
+    T = _load(track, model) - load
     compliance = 1.0 / flexspline_stiffness(T, K_F0, C_F)
     flexspline = flexspline_torsion(T, K_F0, C_F)
-    signals |= {"output_torque": T, "flexspline_torsion": flexspline}
+    signals = _loaded(signals, T, flexspline)
     value = added.angle(signals) + flexspline
     base: dict[str, Floats] = {}
     if track.T is not None or np.any(load):
@@ -435,18 +453,27 @@ def _swing(track: Track, model: Model, positions: dict[str, Floats]) -> Floats:
     return total
 
 
-def _load(track: Track) -> Floats:
-    return np.zeros(track.size) if track.T is None else track.T
+def _load(track: Track, model: Model) -> Floats:
+    """Give the torque at the output, N*m; of a turning run without a load its mean, because the rest is noise."""
+    if track.T is None:
+        return np.zeros(track.size)
+    return track.T if _is_loaded(track, model) else np.full(track.size, float(track.T.mean()))
+
+
+def _is_loaded(track: Track, model: Model) -> bool:
+    if track.T is None or not track.moves:
+        return True
+    return float(np.std(track.T)) > LEAST_LOAD * (model.ratio or 1.0) * abs(model.value("T_c"))
 
 
 def _backdrive(track: Track, model: Model) -> Evaluation:
     N = _ratio(model)
     positions = _positions(track, N)
     added = _added(track, model, positions)
-    signals = _signals(track, model, positions, _load(track), None)
+    signals = _signals(track, model, positions, _load(track, model), None)
     load = added.load(signals)
-    T = _load(track) - load
-    signals["output_torque"] = T
+    T = _load(track, model) - load
+    signals = _loaded(signals, T)
     play_load = np.zeros(track.size * track.fine) if track.play_load is None else track.play_load
     radius = _radius(model.value("T_fb") / N, added.friction(signals), track.fine)
     path = play_path((play_load - np.repeat(load, track.fine)) / N, radius, track.fine)
@@ -497,10 +524,10 @@ def _motor(piece: Piece, model: Model) -> Evaluation:
     coulomb, viscous, constant = ("i_c", "i_v", "i_0") if current else ("T_c", "b", "M_0")
     positions = _positions(track, model.ratio)
     added = _added(track, model, positions)
-    signals = _signals(track, model, positions, _load(track), None)
+    signals = _signals(track, model, positions, _load(track, model), None)
     load = added.load(signals)
-    T = _load(track) - load
-    signals["output_torque"] = T
+    T = _load(track, model) - load
+    signals = _loaded(signals, T)
     ones = np.ones(track.size)
     running = np.zeros(track.size)
     base = {constant: ones}

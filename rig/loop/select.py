@@ -52,6 +52,10 @@ LEAST_START_ANGLES = 4
 
 NOT_EVERYWHERE = "it does not show under every condition that should show it"
 
+SUBDIVISION = "encoder-subdivision-error"
+LEAST_LINES = 16
+"""Lines a turn that an encoder has at least."""
+
 TWINS: dict[str, str] = {
     "kinematic-error": "motor-encoder-eccentricity",
     "motor-encoder-eccentricity": "kinematic-error",
@@ -145,7 +149,7 @@ def select(pieces: Sequence[Piece], base: Fit, alpha: float, known: Mapping[str,
     left: tuple[Trial, ...] = ()
     while len(current.model.lines) < MOST_LINES:
         ground = prepare(current)
-        lines = _candidates(ground)
+        lines = _candidates(ground, known)
         shapes = _shapes(ground, known, max((c.trial.gain for c in lines), default=0.0))
         left = tuple(item.trial for item in shapes)
         accepted = _round(pieces, ground, lines, shapes, alpha, decisions, unadded)
@@ -260,9 +264,9 @@ def _best_of_classes(lines: Sequence[_Candidate]) -> list[Trial]:
     return list(best.values())
 
 
-def _candidates(ground: Ground) -> list[_Candidate]:
+def _candidates(ground: Ground, known: Mapping[str, float]) -> list[_Candidate]:
     """Give everything that the residual proposes, its order refined, best first."""
-    proposals, free_tests, fixed_tests = _propose(ground)
+    proposals, free_tests, fixed_tests = _propose(ground, known)
     scored = sorted(((line_gain(ground, p.kind, p.order), p) for p in proposals), key=lambda pair: -pair[0])
     found: list[_Candidate] = []
     for rank, (gain, proposal) in enumerate(scored):
@@ -447,7 +451,7 @@ def _angles_cover(ground: Ground) -> bool:
     return len(starts) >= LEAST_START_ANGLES
 
 
-def _propose(ground: Ground) -> tuple[list[_Proposal], float, float]:
+def _propose(ground: Ground, known: Mapping[str, float]) -> tuple[list[_Proposal], float, float]:
     """Scan every kind of piece and give the classes to try at each peak, and the tests among free and fixed orders.
 
     Kinds are scanned apart: a few start angles of a sweep would otherwise hide a line that a turning run shows clearly.
@@ -458,6 +462,7 @@ def _propose(ground: Ground) -> tuple[list[_Proposal], float, float]:
     linear = ground.fit.linear
     ratio = ground.fit.model.ratio
     effects = periodic_effects()
+    counts = known.get("output_encoder_counts")
     for kind in dict.fromkeys(item.piece.kind for item in linear):
         equation = kind[0]
         items = [item for item in linear if item.piece.kind == kind]
@@ -470,6 +475,8 @@ def _propose(ground: Ground) -> tuple[list[_Proposal], float, float]:
             tests += spectrum.tests
             for peak in _tops(spectrum):
                 classes = _classes(equation, variable, peak.order, spectrum.resolution, ratio, effects, against=against)
+                if equation is Equation.TORSION and variable == "motor_position" and ratio is not None:
+                    classes += _subdivisions(peak.order * ratio, spectrum.resolution * ratio, counts, effects)
                 found += [replace(proposal, height=peak.height) for proposal in classes]
     fixed = [_Proposal(effect, effect.fixed_order, 0.0) for effect in effects if effect.fixed_order is not None]
     return found + fixed, 2.0 * max(tests, 1.0), 2.0 * max(len(fixed), 1)
@@ -512,6 +519,9 @@ def _classes(
         and kind.fixed_order is None
         and kind.orders[0] - resolution <= order <= kind.orders[1] + resolution
         and (kind.entry in flips) == against
+        and kind.effect != SUBDIVISION
+        # twice a turn an encoder errs tens of times less than a strain wave gear
+        and not (kind.entry is Entry.MOTOR_ANGLE and order > 1.5)
     ]
     if against:
         entry = Entry.MOTOR_AGAINST_MOTION if motor else Entry.OUTPUT_AGAINST_MOTION
@@ -525,6 +535,19 @@ def _classes(
         if entry is Entry.ANGLE_ONLY:
             kinds.append(TermClass(None, Entry.OUTPUT, variable))
     return [_Proposal(kind, order, resolution) for kind in kinds]
+
+
+def _subdivisions(
+    order: float, resolution: float, counts: float | None, effects: Sequence[TermClass]
+) -> list[_Proposal]:
+    """Give the output encoder's subdivision error, if its counts a turn are a multiple of the order (per output turn).
+
+    A line count divides the counts; any other order has another cause.
+    """
+    whole = max(round(order), 1)
+    if counts is None or whole < LEAST_LINES or abs(order - whole) > resolution or round(counts) % whole:
+        return []
+    return [_Proposal(kind, float(whole), resolution) for kind in effects if kind.effect == SUBDIVISION]
 
 
 def _withdraw(pieces: Sequence[Piece], current: Fit, alpha: float) -> Fit:

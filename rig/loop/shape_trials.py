@@ -81,8 +81,9 @@ def shape_trials(ground: Ground, scales: Scales, least: float) -> list[ShapeTria
             continue
         tuned = _refined(ground, term) if gain >= REFINED * most else term
         trial = try_columns(ground, term.effect.id, trial_columns(ground, tuned))
-        if trial.gain > 0.0:
-            found.append(ShapeTrial(_sized(tuned, trial.amplitudes), trial, tests))
+        sized = _sized(tuned, trial.amplitudes)
+        if trial.gain > 0.0 and sized is not None:
+            found.append(ShapeTrial(sized, trial, tests))
     return sorted(found, key=lambda item: -item.trial.gain)
 
 
@@ -130,13 +131,14 @@ def _units(term: ShapeTerm) -> list[tuple[ShapeTerm, float]]:
     return found
 
 
-def _sized(term: ShapeTerm, amplitudes: Floats) -> ShapeTerm:
-    """Give the term with these amplitudes, inside their range."""
+def _sized(term: ShapeTerm, amplitudes: Floats) -> ShapeTerm | None:
+    """Give the term with these amplitudes; None if no device has them."""
     values = dict(zip((p.name for p in term.effect.parameters), term.values, strict=True))
     for name, value in zip(term.effect.amplitudes, amplitudes.tolist(), strict=True):
         parameter = next(p for p in term.effect.parameters if p.name == name)
-        low = -parameter.high if term.effect.linear else parameter.low
-        values[name] = min(max(value, low), parameter.high)
+        if not parameter.low <= value <= parameter.high:
+            return None
+        values[name] = value
     return ShapeTerm(term.effect, tuple(values.values()))
 
 

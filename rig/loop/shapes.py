@@ -110,8 +110,7 @@ class ShapeTerm:
         for step, k in zip(change.tolist(), self.free, strict=True):
             parameter = self.effect.parameters[k]
             moved = values[k] * math.exp(min(max(step, -1.0), 1.0)) if self.is_logarithmic(k) else values[k] + step
-            signed = self.effect.linear and not self.is_logarithmic(k)
-            values[k] = min(max(moved, -parameter.high if signed else parameter.low), parameter.high)
+            values[k] = min(max(moved, parameter.low), parameter.high)
         return ShapeTerm(self.effect, tuple(values))
 
     def scaled(self, k: int, factor: float) -> "ShapeTerm":

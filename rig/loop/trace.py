@@ -125,7 +125,12 @@ def trace(
 
 def known_parameters(dut: Dut, ratio: float | None) -> dict[str, float]:
     """Give what effects take from the device and no fit estimates, by the name of the parameter, SI."""
-    given = {"ratio": ratio, "torque_constant": dut.motor.torque_constant, "encoder_counts": dut.motor.encoder_counts}
+    given = {
+        "ratio": ratio,
+        "torque_constant": dut.motor.torque_constant,
+        "encoder_counts": dut.motor.encoder_counts,
+        "output_encoder_counts": dut.output.encoder_counts,
+    }
     return {name: float(value) for name, value in given.items() if value is not None}
 
 

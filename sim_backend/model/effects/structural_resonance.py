@@ -40,7 +40,7 @@ EFFECT = Effect(
     shape=Shape.PERIODIC,
     unit="rad",
     parameters=(
-        Parameter("amplitude", "rad*s/(N*m)", 0.0, 1.0, 1e-5, "size of the ringing per jump of the torque's rate"),
+        Parameter("amplitude", "rad*s/(N*m)", -1.0, 1.0, 1e-5, "size of the ringing per jump of the torque's rate"),
         Parameter("frequency", "Hz", 1e-3, 1e5, 12.0, "w / (2 pi)"),
         Parameter("damping", "1", 0.0, 0.99, 0.02, "damping ratio"),
     ),

@@ -48,11 +48,15 @@ def test_a_line_is_the_function_of_its_catalogue_effect(kind) -> None:
     angle = np.linspace(-9.0, 9.0, 301)
     given = {"amplitude": 0.5 * effect_scale(effect), "order": order, "phase": 0.7}
     values = [given[parameter.name] for parameter in effect.parameters]
-    expected = evaluate(effect, {kind.variable: angle}, values) / effect_scale(effect)
-    assert np.allclose(line_values(line, angle).value, expected, atol=1e-12)
+    torque = np.cos(angle) + 2.0
+    signals = dict.fromkeys(effect.signals, torque) | {kind.variable: angle}
+    expected = evaluate(effect, signals, values) / effect_scale(effect)
+    factor = torque if len(effect.signals) > 1 else 1.0
+    assert np.allclose(factor * line_values(line, angle).value, expected, atol=1e-12)
     if effect.slope is not None:
-        slope = evaluate_slope(effect, {kind.variable: angle}, values) / effect_scale(effect)
-        assert np.allclose(line_values(line, angle).slope, slope, atol=1e-12)
+        slope = evaluate_slope(effect, signals, values) / effect_scale(effect)
+        of_torque = 0.5 * factor if len(effect.signals) > 1 else 1.0
+        assert np.allclose(of_torque * line_values(line, angle).slope, slope, atol=1e-12)
 
 
 def effect_scale(effect) -> float:
