@@ -19,7 +19,7 @@ def cogging(motor_position: float, amplitude: float, order: float, phase: float)
 EFFECT = Effect(
     id="cogging",
     summary="motor torque periodic in the rotor angle, the same in both directions",
-    equation="motor_torque += amplitude * sin(order * motor_position + phase)",
+    equation="motor balance += amplitude * sin(order * motor_position + phase)",
     source="permanent-magnet motor literature",
     enters=Enters.MOTOR_BALANCE,
     variable="motor_position",
