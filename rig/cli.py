@@ -125,11 +125,14 @@ def devices(as_json: Json = False) -> None:
 
 
 @app.command()
-def effects(as_json: Json = False) -> None:
-    """List the effects that the model and the simulated bench know."""
+def effects(
+    names: Annotated[list[str] | None, typer.Argument(metavar="NAME", help="Only these effects.")] = None,
+    as_json: Json = False,
+) -> None:
+    """List the effects that the model knows: equation, units, ranges, where they show, what tells them apart."""
     from rig.commands.lists import list_effects
 
-    list_effects(as_json)
+    list_effects(tuple(names or ()), as_json)
 
 
 @app.command()

@@ -26,7 +26,7 @@ EFFECT = Effect(
     shape=Shape.PERIODIC,
     unit="N*m",
     parameters=(
-        Parameter("amplitude", "N*m", 0.0, 1.0, 3e-3, "half of the peak-to-peak torque"),
+        Parameter("amplitude", "N*m", 0.0, 1e3, 3e-3, "half of the peak-to-peak torque"),
         Parameter("order", "1/rev", 0.0, 1e4, 84.0, "cycles per motor turn"),
         Parameter("phase", "rad", -2 * math.pi, 2 * math.pi, 0.0, "phase at motor_position = 0"),
     ),
@@ -40,6 +40,7 @@ EFFECT = Effect(
         "kinematic-error",
         "stribeck-friction",
         "current-sensor-offset",
+        "gravity-load",
     ),
     separated_by="both directions (half-sum and half-difference); a ladder of currents at the same angles",
 )

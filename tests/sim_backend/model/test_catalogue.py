@@ -1,5 +1,6 @@
 """Single effects against closed forms and against the figures that come with them; SI, sense `opposed`."""
 
+import itertools
 import math
 
 import numpy as np
@@ -9,6 +10,25 @@ from sim_backend.model.arrays import evaluate, evaluate_slope
 from sim_backend.model.compliance import flexspline_torsion, wave_generator_torsion
 from sim_backend.model.effects import CATALOGUE
 from sim_backend.model.friction import play
+
+INSEPARABLE = (
+    ("flexspline-compliance", "torque-sensor-gain", "fixture-compliance", "torque-constant-error"),
+    ("torque-constant-error", "torque-sensor-gain", "load-dependent-friction"),
+    ("kinematic-error", "stiffness-modulation", "flexspline-compliance", "soft-windup"),
+    ("channel-delay", "torque-sensor-lag", "creep", "rate-dependent-hysteresis", "viscous-friction"),
+    ("wave-generator-compliance", "maxwell-slip", "coulomb-friction", "backlash"),
+    ("torque-sensor-drift", "thermal-expansion", "creep", "temperature-dependent-stiffness"),
+    ("cogging", "position-dependent-friction", "gravity-load", "current-sensor-offset"),
+    ("cogging", "torque-ripple"),
+    ("kinematic-error", "motor-encoder-eccentricity"),
+    ("kinematic-error", "output-encoder-eccentricity"),
+    ("kinematic-error", "structural-resonance"),
+    ("coulomb-friction", "viscous-friction", "stribeck-friction"),
+    ("flexspline-compliance", "torque-constant-saturation", "load-dependent-friction"),
+)
+"""What the data of one kind of run cannot split: locked output and backdrive; the slope of a locked sweep; one start
+angle; one rate; one loop amplitude; one warm-up; one direction; one current; encoders never re-clocked (two); one speed
+(two); torque taken from the current."""
 
 STEP = 1e-3
 K_F0, C_F = 8335.98, 0.04494
@@ -24,6 +44,12 @@ def clock(duration: float, step: float = STEP) -> np.ndarray:
 
 def area(torque: np.ndarray, angle: np.ndarray) -> float:
     return float(np.trapezoid(torque, angle))
+
+
+@pytest.mark.parametrize("group", INSEPARABLE, ids=lambda group: group[0])
+def test_what_a_kind_of_run_cannot_split_is_stated_as_such(group):
+    for one, other in itertools.permutations(group, 2):
+        assert other in CATALOGUE[one].confusable, (one, other)
 
 
 def test_the_base_terms_are_the_laws_of_the_fit():
