@@ -21,7 +21,7 @@ class HarmonicDrive:
 
     ratio: 1. K_F0 (N*m/rad at the output) and C_F (1/(N*m)): flexspline. K_w0 (N*m/rad at the motor) and
     C_w (1/(N*m)): wave generator. friction_torque: dry friction of the tooth mesh, N*m at the output;
-    load_friction: its growth per N*m of output torque, 1; viscous_friction: N*m*s, seen at the motor.
+    viscous_friction: N*m*s, seen at the motor.
     """
 
     ratio: float
@@ -30,7 +30,6 @@ class HarmonicDrive:
     K_w0: float
     C_w: float
     friction_torque: float
-    load_friction: float = 0.0
     viscous_friction: float = 0.0
 
     def __post_init__(self) -> None:
@@ -40,7 +39,6 @@ class HarmonicDrive:
         _check("K_w0", self.K_w0, "N*m/rad", above=0.0)
         _check("C_w", self.C_w, "1/(N*m)", above=0.0)
         _check("friction_torque", self.friction_torque, "N*m", low=0.0)
-        _check("load_friction", self.load_friction, "", low=0.0, below=1.0)
         _check("viscous_friction", self.viscous_friction, "N*m*s", low=0.0)
 
     @classmethod
@@ -54,7 +52,6 @@ class HarmonicDrive:
         hysteresis_loss: float,
         starting_torque: float,
         *,
-        load_friction: float = 0.0,
         viscous_friction: float = 0.0,
     ) -> Self:
         """Estimate the parameters from catalogue values, Zhang (29)-(35).
@@ -79,7 +76,6 @@ class HarmonicDrive:
             K_w0=2.0 * starting_torque / (ratio * hysteresis_loss),
             C_w=1.0 / starting_torque,
             friction_torque=ratio * starting_torque,
-            load_friction=load_friction,
             viscous_friction=viscous_friction,
         )
 
@@ -93,6 +89,7 @@ class PlantConfig:
     `output_inertia` includes arm and load motor. The damping of the springs is structural: the rotor on the
     sticking rim rings at 34 Hz with a damping ratio of about 0.15. Both springs go on in a straight line above their
     stiffness caps (at 1000 N*m/rad the torsion differs by 0.4 urad rms from equation (28)).
+    `torque_constant` (N*m/A) is the one that the motor's drive believes in.
     Noises are standard deviations of white noise per reading.
     """
 
@@ -109,6 +106,7 @@ class PlantConfig:
     flexspline_stiffness_cap: float = 1e5
     fixture_stiffness: float = 2e5
     fixture_damping: float = 1.0
+    torque_constant: float = 0.321
     motor_rated_torque: float = 0.188
     load_rated_torque: float = 20.0
     motor_speed_limit: float = 600.0
@@ -170,6 +168,7 @@ _POSITIVE = {
     "rotor_inertia": "kg*m^2",
     "output_inertia": "kg*m^2",
     "fixture_stiffness": "N*m/rad",
+    "torque_constant": "N*m/A",
     "motor_rated_torque": "N*m",
     "load_rated_torque": "N*m",
     "motor_speed_limit": "rad/s",

@@ -1,5 +1,7 @@
 """Effects over arrays: the columns of a fit."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -50,3 +52,43 @@ def test_a_signal_with_two_dimensions_is_refused():
 def test_an_effect_that_does_not_react_has_no_slope():
     with pytest.raises(ModelError, match="cogging has no slope"):
         evaluate_slope(CATALOGUE["cogging"], {"motor_position": ANGLE}, (1.0, 2.0, 0.0))
+
+
+def lag(output_torque, step, memory, amplitude, time_constant):
+    if memory[1] == 0.0:
+        memory[0], memory[1] = output_torque, 1.0
+    memory[0] += (output_torque - memory[0]) * step / (time_constant + step)
+    return amplitude * memory[0]
+
+
+def twist(motor_position, step, memory, amplitude, radius):
+    memory[0] = min(max(memory[0], motor_position - radius), motor_position + radius)
+    return amplitude * (motor_position - memory[0])
+
+
+def twist_slope(motor_position, step, memory, amplitude, radius):
+    return amplitude if abs(motor_position - memory[0]) < radius else 0.0
+
+
+REMEMBERING = dataclasses.replace(ERROR, id="lag", function=lag, slope=None, memory=2, parameters=ERROR.parameters[:2])
+TWISTING = dataclasses.replace(REMEMBERING, id="twist", function=twist, slope=twist_slope, memory=1)
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_an_effect_remembers_from_sample_to_sample_and_anew_in_every_run(compiled):
+    jump = np.where(np.arange(5) < 2, 1.0, 2.0)
+    for _ in range(2):
+        values = evaluate(REMEMBERING, {"output_torque": jump}, (1.0, 0.1), step=0.1, compiled=compiled)
+        assert values == pytest.approx([1.0, 1.0, 1.5, 1.75, 1.875], rel=1e-15)
+
+
+def test_the_slope_of_an_effect_with_memory_is_that_after_its_own_step():
+    path = np.array([0.0, 0.1, 0.2, 0.3, 0.25])
+    slope = evaluate_slope(TWISTING, {"motor_position": path}, (3.0, 0.2), step=1e-3)
+    assert slope == pytest.approx([3.0, 3.0, 0.0, 0.0, 3.0])
+
+
+@pytest.mark.parametrize("step", [None, 0.0, -1.0, np.nan])
+def test_an_effect_with_memory_must_know_the_time_between_samples(step):
+    with pytest.raises(ModelError, match=r"lag remembers: step = .* s"):
+        evaluate(REMEMBERING, {"output_torque": ANGLE}, (1.0, 0.1), step=step)
