@@ -73,9 +73,7 @@ def test_the_third_member_follows_from_any_two(ratio, c, f):
     slack = 1e-9 * (1 + ratio) * (1 + abs(c) + abs(f))
     for left_out in Members._fields:
         two = {name: value for name, value in all_three._asdict().items() if name != left_out}
-        assert tuple(motion(ratio, **two)) == pytest.approx(
-            tuple(all_three), abs=1e-9 * (1 + ratio) * (1 + abs(c) + abs(f))
-        )
+        assert tuple(motion(ratio, **two)) == pytest.approx(tuple(all_three), abs=slack)
 
 
 @given(ratios, speeds)
