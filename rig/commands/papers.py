@@ -1,5 +1,6 @@
 """`rig papers`: reproduce the source papers and set what they print beside what comes out."""
 
+import sys
 from pathlib import Path
 
 from rich.console import Console
@@ -11,6 +12,9 @@ from rig.papers.item import Workbench
 from rig.papers.registry import choose
 from rig.papers.report import HEADINGS, cells, grids, run_items, to_json, write_report
 from rig.terminal import emit, tell
+
+WIDTH = 180
+"""Columns of the table where it does not go to a terminal."""
 
 
 def papers_command(names: tuple[str, ...], out: Path, quick: bool, as_json: bool) -> None:
@@ -25,7 +29,7 @@ def papers_command(names: tuple[str, ...], out: Path, quick: bool, as_json: bool
     if as_json:
         emit(to_json(done))
         return
-    console = Console()
+    console = Console(width=None if sys.stdout.isatty() else WIDTH)
     table = Table(box=None, padding=(0, 1), header_style="bold")
     for heading in HEADINGS:
         table.add_column(heading, overflow="fold")
