@@ -4,10 +4,10 @@ import re
 from collections.abc import Sequence
 
 from drivers.errors import ConfigError, Mistake
-from rig.papers import zhang2014
+from rig.papers import both, castejon2009, zhang2014
 from rig.papers.item import Item
 
-ITEMS: tuple[Item, ...] = (*zhang2014.ITEMS,)
+ITEMS: tuple[Item, ...] = (*zhang2014.ITEMS, *castejon2009.ITEMS, *both.ITEMS)
 
 
 def choose(names: Sequence[str], items: Sequence[Item] = ITEMS) -> tuple[Item, ...]:
