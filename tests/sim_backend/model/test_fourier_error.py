@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from sim_backend.errors import ModelError
 from sim_backend.model.error_in_plant import kinematic_effects, series_of_torsion
-from sim_backend.model.fourier_error import FourierError, identify, pure_error, pure_error_slope
+from sim_backend.model.fourier_error import FourierError, identify, pure_error, pure_error_slope, whole_turns
 
 SERIES = FourierError(
     a0=3e-4,
@@ -32,6 +32,16 @@ def test_any_start_any_end_and_both_directions_give_the_same(start, turns, direc
     found = identify(angle, pure_error(angle, SERIES))
     # uneven only at the end, where a sample is interpolated: h^2/8 of the curvature over one interval
     assert found.coefficients == pytest.approx(SERIES.coefficients, rel=0.0, abs=2e-8)
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_a_record_is_cut_after_its_last_whole_turn_with_the_value_there(direction):
+    angle = 1.0 + direction * np.linspace(0.0, 15.0, 301)
+    cut, value, turns = whole_turns(angle, 3.0 * angle)
+    assert turns == 2 * direction
+    assert cut[-1] - cut[0] == pytest.approx(direction * 4.0 * math.pi)
+    assert value == pytest.approx(3.0 * cut)
+    assert np.all(np.diff(cut) * direction > 0.0)
 
 
 def test_the_error_of_uneven_samples_falls_with_the_square_of_their_spacing():
