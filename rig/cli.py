@@ -236,3 +236,19 @@ def demo(
     from rig.commands.demo import demo_command
 
     demo_command(seed, out, as_json)
+
+
+@app.command()
+def papers(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="NAME...", help="A paper or an item, such as zhang2014 or fig12; default: all."),
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Shorter experiments; coarser figures.")] = False,
+    out: Out = Path("runs/papers"),
+    as_json: Json = False,
+) -> None:
+    """Reproduce the source papers: their figures, and what they print beside what comes out."""
+    from rig.commands.papers import papers_command
+
+    papers_command(tuple(names or ()), out, quick, as_json)

@@ -4,30 +4,77 @@
 
 The law is that of the catalogue's base term `coulomb-friction`. Locked output: T_F = play(N motor_torque; N T_fs).
 Backdrive: motor_torque = play(T_F/N; T_fb/N), which equals equation (36) of Zhang, Ahmad & Liu 2014 with its sign and
-inequality corrected.
+inequality corrected (`backdriving_torque`).
 """
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_backend.errors import ModelError
-from sim_backend.model.arrays import evaluate
-from sim_backend.model.effects import coulomb_friction
+from sim_backend.model.compiler import load
+from sim_backend.model.effects.coulomb_friction import coulomb_friction
+from sim_backend.model.source import function_source
 
 Floats = NDArray[np.float64]
 
+_LOOP = """
+@compiled
+def over_arrays(outputs, inputs, radii, memory):
+    for i in range(len(outputs)):
+        outputs[i] = play(inputs[i], 1.0, memory, radii[i], 1.0)
+"""
 
-def play(inputs: Floats, radius: float, start: float | None = None) -> Floats:
+
+def play(inputs: Floats, radius: Floats | float, start: float | None = None) -> Floats:
     """Give the play of `inputs` with `radius`, shape (n,), in the unit of the inputs.
 
+    radius: one value, or one for every input, shape (n,).
     start: the state before the first sample; it need not lie within reach of it. None: the equilibrium of a drive
     that was at rest without torque and then brought to the first sample, which is the same as start = 0.
     Raises ModelError if `radius` is negative or not finite, or `inputs` is not one-dimensional.
     """
-    if np.ndim(inputs) != 1:
-        raise ModelError(f"inputs has {np.ndim(inputs)} dimensions; the play operator takes one series at a time.")
-    if not (np.isfinite(radius) and radius >= 0.0):
-        raise ModelError(f"radius = {radius!r} must be finite and at least 0.")
-    state = np.array([0.0 if start is None else start])
-    ratio = 1.0
-    return evaluate(coulomb_friction.EFFECT, {"motor_torque": inputs}, (radius, ratio), step=1.0, memory=state)
+    values = np.ascontiguousarray(inputs, dtype=np.float64)
+    _check_play(values, "inputs", radius, "radius")
+    radii = np.ascontiguousarray(np.broadcast_to(radius, values.shape), dtype=np.float64)
+    outputs = np.empty_like(values)
+    _compiled_loop()(outputs, values, radii, np.array([0.0 if start is None else float(start)]))
+    return outputs
+
+
+def backdriving_torque(output_torque: Floats, ratio: float, friction: float, start: float = 0.0) -> Floats:
+    """Give T_w of a backdriven gear whose input is held, N*m, shape (n,): the logic (36), branch by branch.
+
+    output_torque: T_F, N*m, shape (n,). friction: backdriving torque T_fb, N*m at the output. start: T_w before the
+    first sample. The second branch is printed as "T_F - N T_w > -T_fb", which is true nearly always; here
+    T_F + N T_w < -T_fb, with which (36) is play(-T_F/N; T_fb/N), sample by sample. T_w acts back on the motor: the
+    motor's torque is -T_w. Raises ModelError as `play`.
+    """
+    inputs = np.asarray(output_torque, dtype=np.float64)
+    _check_play(inputs, "output_torque", friction, "friction")
+    T_w = start
+    found = []
+    for T_F in inputs.tolist():
+        if T_F + ratio * T_w > friction:
+            T_w = -(T_F - friction) / ratio
+        elif T_F + ratio * T_w < -friction:
+            T_w = -(T_F + friction) / ratio
+        found.append(T_w)
+    return np.array(found)
+
+
+def _check_play(values: Floats, name: str, radius: Floats | float, radius_name: str) -> None:
+    if values.ndim != 1:
+        raise ModelError(f"{name} has {values.ndim} dimensions; the play operator takes one series at a time.")
+    if not (np.all(np.isfinite(radius)) and np.all(np.asarray(radius) >= 0.0)):
+        raise ModelError(f"{radius_name} = {radius!r} must be finite and at least 0.")
+
+
+@cache
+def _compiled_loop() -> Callable[[Floats, Floats, Floats, Floats], None]:
+    module: Any = load("The play operator", function_source(coulomb_friction, "play") + "\n\n" + _LOOP)
+    loop: Callable[[Floats, Floats, Floats, Floats], None] = module.over_arrays
+    return loop

@@ -6,6 +6,7 @@ from enum import StrEnum
 from typing import Self
 
 from sim_backend.errors import ModelError
+from sim_backend.model.estimation import flexspline_from_catalogue, wave_generator_from_tests
 
 
 class Rotation(StrEnum):
@@ -57,24 +58,18 @@ class HarmonicDrive:
         """Estimate the parameters from catalogue values, Zhang (29)-(35).
 
         K1, K2: N*m/rad below T1 and between T1 and T2 (N*m). hysteresis_loss: rad at the output.
-        starting_torque: N*m at the motor. (32) is used as it follows from (29) and (30): the printed 0.089 for the
-        paper's drive applies its leading 2 twice. (33) put into (35) gives C_w = 1/starting_torque.
+        starting_torque: N*m at the motor. See `estimation` for what the paper printed otherwise.
         Raises ModelError if a value is out of range or no drive has these stiffnesses.
         """
         _check("ratio", ratio, "", low=1.0)
-        _check("K1", K1, "N*m/rad", above=0.0)
-        _check("T1", T1, "N*m", above=0.0)
-        _check("T2", T2, "N*m", above=T1)
-        _check("K2", K2, "N*m/rad", above=K1, below=K1 * ((T1 + T2) / T1) ** 2)
-        _check("hysteresis_loss", hysteresis_loss, "rad", above=0.0)
-        _check("starting_torque", starting_torque, "N*m", above=0.0)
-        outer = (T1 + T2) ** 2
+        K_F0, C_F = flexspline_from_catalogue(K1, K2, T1, T2)
+        K_w0, C_w = wave_generator_from_tests(ratio, hysteresis_loss, starting_torque)
         return cls(
             ratio=ratio,
-            K_F0=K1 + (K1 - K2) * T1**2 / (outer - T1**2),
-            C_F=2.0 * math.sqrt((K2 - K1) / (K1 * outer - K2 * T1**2)),
-            K_w0=2.0 * starting_torque / (ratio * hysteresis_loss),
-            C_w=1.0 / starting_torque,
+            K_F0=K_F0,
+            C_F=C_F,
+            K_w0=K_w0,
+            C_w=C_w,
             friction_torque=ratio * starting_torque,
             viscous_friction=viscous_friction,
         )
