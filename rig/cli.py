@@ -125,11 +125,14 @@ def devices(as_json: Json = False) -> None:
 
 
 @app.command()
-def effects(as_json: Json = False) -> None:
-    """List the effects that the model and the simulated bench know."""
+def effects(
+    names: Annotated[list[str] | None, typer.Argument(metavar="NAME", help="Only these effects.")] = None,
+    as_json: Json = False,
+) -> None:
+    """List the effects that the model knows: equation, units, ranges, where they show, what tells them apart."""
     from rig.commands.lists import list_effects
 
-    list_effects(as_json)
+    list_effects(tuple(names or ()), as_json)
 
 
 @app.command()
@@ -233,3 +236,19 @@ def demo(
     from rig.commands.demo import demo_command
 
     demo_command(seed, out, as_json)
+
+
+@app.command()
+def papers(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="NAME...", help="A paper or an item, such as zhang2014 or fig12; default: all."),
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Shorter experiments; coarser figures.")] = False,
+    out: Out = Path("runs/papers"),
+    as_json: Json = False,
+) -> None:
+    """Reproduce the source papers: their figures, and what they print beside what comes out."""
+    from rig.commands.papers import papers_command
+
+    papers_command(tuple(names or ()), out, quick, as_json)

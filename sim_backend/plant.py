@@ -15,7 +15,7 @@ from sim_backend.errors import ModelError
 from sim_backend.model import stepper
 from sim_backend.model.constants import derive
 from sim_backend.model.effects import ActiveEffect
-from sim_backend.model.kernel import SIGNALS, plant_kernel
+from sim_backend.model.kernel import plant_kernel
 from sim_backend.model.parameters import PlantConfig
 from sim_backend.ports import AxisMode, PlantReading
 
@@ -25,13 +25,22 @@ _NOISE_BLOCK = 1024
 _seen = itemgetter(
     stepper.MOTOR_POSITION,
     stepper.MOTOR_VELOCITY,
-    stepper.MOTOR_TORQUE,
+    stepper.SHOWN_TORQUE,
     stepper.OUTPUT_POSITION,
     stepper.OUTPUT_VELOCITY,
     stepper.LOAD_TORQUE,
     stepper.OUTPUT_TORQUE,
 )
 """What the instruments see of the state; the load drive sits on the output shaft, so it sees the output's angle."""
+
+_errors = itemgetter(
+    stepper.MOTOR_POSITION_ERROR,
+    stepper.MOTOR_VELOCITY_ERROR,
+    stepper.OUTPUT_POSITION_ERROR,
+    stepper.OUTPUT_VELOCITY_ERROR,
+    stepper.OUTPUT_TORQUE_ERROR,
+)
+"""What effects add to the readings; that of the motor torque is in SHOWN_TORQUE."""
 
 _new_reading = partial(tuple.__new__, PlantReading)
 """Make a reading of a tuple in half the time of `PlantReading(...)`: there is one in every tick."""
@@ -81,7 +90,7 @@ class Plant:
         self._kernel = plant_kernel(self.effects, compiled=compiled)
         self._derived = derive(config)
         self._constants = np.array(self._derived, dtype=np.float64)
-        self._state = np.zeros(stepper.STATE_SIZE)
+        self._state = np.zeros(self._kernel.state_size)
         self._inputs = np.zeros(stepper.INPUT_SIZE)
         self._inputs[stepper.MOTOR_LIMIT] = config.motor_rated_torque
         self._inputs[stepper.LOAD_LIMIT] = config.load_rated_torque
@@ -97,7 +106,7 @@ class Plant:
         self._step = config.step
         self._steps = 0
         self._reading: PlantReading | None = None
-        self._start_at_rest()
+        self._kernel.start(*self._arrays)
 
     @property
     def time(self) -> float:
@@ -164,6 +173,13 @@ class Plant:
         """
         if self._reading is None:
             angle, velocity, torque, output_angle, output_velocity, load, outside = _seen(self._state_view)
+            if self._kernel.readings:
+                for_angle, for_velocity, for_output_angle, for_output_velocity, for_outside = _errors(self._state_view)
+                angle += for_angle
+                velocity += for_velocity
+                output_angle += for_output_angle
+                output_velocity += for_output_velocity
+                outside += for_outside
             noise = next(self._noise, None)
             if noise is None:
                 self._noise = self._draw_noise()
@@ -222,26 +238,10 @@ class Plant:
         )
         return iter(drawn.tolist())
 
-    def _start_at_rest(self) -> None:
-        """Put the output where the transmission error leaves no torque, and take up what the effects do there."""
-        signals = dict.fromkeys(SIGNALS, 0.0)
-        signals["temperature"] = self.config.temperature
-        signals["motor_temperature"] = self.config.motor_temperature
-        parameters = self._kernel.effect_parameters
-        error, _ = self._kernel.torsion_effects(*signals.values(), parameters)
-        signals["output_position"] = error
-        s = self._state
-        s[stepper.OUTPUT_POSITION] = s[stepper.ERROR] = error
-        s[stepper.LEVEL] = self.config.drive.friction_torque
-        s[stepper.MOTOR_EFFECTS] = self._kernel.motor_effects(*signals.values(), parameters)
-        s[stepper.OUTPUT_EFFECTS] = self._kernel.output_effects(*signals.values(), parameters)
-        s[stepper.MOTOR_FORCE] = -s[stepper.MOTOR_EFFECTS]
-        s[stepper.OUTPUT_FORCE] = -s[stepper.OUTPUT_EFFECTS]
-
     def _stored_energy(self) -> float:
         s: list[float]
         s, c = self._state.tolist(), self._derived
-        flexspline = abs(s[stepper.OUTPUT_POSITION] - s[stepper.ERROR] - s[stepper.RIM])
+        flexspline = abs(s[stepper.OUTPUT_POSITION] - s[stepper.ERROR] - s[stepper.SERIES_ANGLE] - s[stepper.RIM])
         bent = min(flexspline, c.flexspline_knee)
         straight = flexspline - bent
         energy = -math.log(math.cos(c.C_F * c.K_F0 * bent)) / (c.C_F**2 * c.K_F0)

@@ -1,15 +1,20 @@
 """What there is: procedures, drivers, effects."""
 
+import difflib
 import math
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
+from drivers.errors import ConfigError, Mistake
 from drivers.registry import all_drivers
 from procedures.plan import ParameterInfo, parameter_table
 from procedures.registry import PROCEDURES
-from rig.terminal import emit
-from sim_backend.model.effects import CATALOGUE
+from rig.terminal import emit, shortened
+from sim_backend.model.effects import CATALOGUE, Effect, Energy, Enters
 
 
 def list_procedures(as_json: bool) -> None:
@@ -69,50 +74,115 @@ def list_devices(as_json: bool) -> None:
     Console().print(table)
 
 
-def list_effects(as_json: bool) -> None:
-    """Print the effect catalogue: equation, unit, range, where it shows, what it can be confused with."""
+ENTERS: Mapping[Enters, str] = MappingProxyType(
+    {
+        Enters.BASE: "terms of the base model, always there",
+        Enters.TORSION: "an angle added to the torsion, rad at the output",
+        Enters.MOTOR_BALANCE: "a torque that the motor must overcome, N*m at the motor",
+        Enters.OUTPUT_BALANCE: "a torque that the output must overcome, N*m at the output",
+        Enters.FRICTION: "added to the dry friction of the mesh, N*m at the motor, whatever the direction",
+        Enters.READING: "added to what an instrument shows of a signal",
+    }
+)
+"""What stands above the effects that enter there, in the order in which they are listed."""
+
+OPERATORS: Mapping[str, str] = MappingProxyType(
+    {
+        "lag(": "lag(u; tau): u behind a first-order low-pass of time constant tau",
+        "play(": "play(u; r): follows u at a distance of up to r, and keeps still within it",
+    }
+)
+"""What an equation may use, and what it means."""
+
+
+def list_effects(names: Sequence[str], as_json: bool) -> None:
+    """Print the effect catalogue, or the effects `names`: equation, unit, range, where it shows, what separates it.
+
+    Raises ConfigError with every unknown name and the names near to it.
+    """
+    unknown = [Mistake("NAME", shortened(name), f"unknown{_near(name)}") for name in names if name not in CATALOGUE]
+    if unknown:
+        raise ConfigError("command line", unknown, hint="`rig effects` lists all of them.")
+    effects = [effect for effect in CATALOGUE.values() if not names or effect.id in names]
     if as_json:
-        emit(
-            {
-                "effects": [
-                    {
-                        "id": effect.id,
-                        "summary": effect.summary,
-                        "equation": effect.equation,
-                        "enters": str(effect.enters),
-                        "source": effect.source,
-                        "shows": list(effect.shows),
-                        "confusable": list(effect.confusable),
-                        "separated_by": effect.separated_by,
-                        "parameters": [
-                            {
-                                "name": p.name,
-                                "unit": p.unit,
-                                "low": p.low,
-                                "high": p.high,
-                                "typical": p.typical,
-                                "meaning": p.meaning,
-                            }
-                            for p in effect.parameters
-                        ],
-                    }
-                    for effect in CATALOGUE.values()
-                ]
-            }
-        )
+        emit({"effects": [_effect_record(effect) for effect in effects]})
         return
     console = Console()
-    for effect in CATALOGUE.values():
-        console.print(f"\n[bold]{effect.id}[/bold]  {effect.summary}", highlight=False)
-        console.print(f"  {effect.equation}", highlight=False)
-        for p in effect.parameters:
-            console.print(
-                f"  {p.name}: {p.meaning}; {p.low:g} to {p.high:g} {p.unit}, typically {p.typical:g}", highlight=False
-            )
-        console.print(f"  shows in: {', '.join(effect.shows)}", highlight=False)
-        console.print(f"  can be taken for: {', '.join(effect.confusable)}", highlight=False)
-        console.print(f"  told apart by: {effect.separated_by}", highlight=False)
-        console.print(f"  source: {effect.source}", highlight=False)
+    for enters, meaning in ENTERS.items():
+        group = [effect for effect in effects if effect.enters is enters]
+        if group:
+            console.print(f"\n[bold]{str(enters).upper()}[/bold]: {meaning}", highlight=False)
+        for effect in group:
+            console.print(f"\n[bold]{effect.id}[/bold]", highlight=False)
+            console.print(_effect_table(effect))
+    used = [meaning for name, meaning in OPERATORS.items() if any(name in effect.equation for effect in effects)]
+    console.print("", *used, sep="\n", highlight=False)
+
+
+def _near(name: str) -> str:
+    """Give ` (did you mean ...?)` with the ids that are spelled nearly so or hold the word, else nothing."""
+    word = name.strip().lower().replace("_", "-").replace(" ", "-")
+    close = difflib.get_close_matches(word, CATALOGUE, n=3, cutoff=0.7)
+    holding = [id_ for id_ in CATALOGUE if len(word) > 2 and word in id_]
+    found = list(dict.fromkeys([*close, *holding]))
+    return f" (did you mean {' or '.join(found)}?)" if found else ""
+
+
+def _effect_table(effect: Effect) -> Table:
+    table = Table.grid(padding=(0, 2, 0, 0))
+    table.add_column(width=17)
+    table.add_column(overflow="fold")
+
+    def row(label: str, text: str) -> None:
+        table.add_row(Text(f"  {label}"), Text(text))
+
+    row("what", effect.summary)
+    row("equation", f"{effect.equation}  [{effect.unit}]")
+    for p in effect.parameters:
+        unit = "" if p.unit == "1" else f" {p.unit}"
+        given = "; given, not fitted" if p.known else ""
+        row(p.name, f"{p.low:g} to {p.high:g}{unit}, typically {p.typical:g}: {p.meaning}{given}")
+    row("shows in", ", ".join(effect.shows))
+    row("taken for", ", ".join(effect.confusable))
+    row("told apart by", effect.separated_by)
+    if effect.energy is not Energy.NONE:
+        row("energy", str(effect.energy))
+    row("source", effect.source)
+    return table
+
+
+def _effect_record(effect: Effect) -> dict[str, object]:
+    return {
+        "id": effect.id,
+        "summary": effect.summary,
+        "equation": effect.equation,
+        "unit": effect.unit,
+        "enters": str(effect.enters),
+        "reads": effect.reads or None,
+        "variable": effect.variable,
+        "shape": str(effect.shape),
+        "signals": list(effect.signals),
+        "energy": str(effect.energy),
+        "linear": effect.linear,
+        "memory": effect.memory,
+        "amplitudes": list(effect.amplitudes),
+        "source": effect.source,
+        "shows": list(effect.shows),
+        "confusable": list(effect.confusable),
+        "separated_by": effect.separated_by,
+        "parameters": [
+            {
+                "name": p.name,
+                "unit": p.unit,
+                "low": p.low,
+                "high": p.high,
+                "typical": p.typical,
+                "known": p.known,
+                "meaning": p.meaning,
+            }
+            for p in effect.parameters
+        ],
+    }
 
 
 def _default(info: ParameterInfo) -> str:

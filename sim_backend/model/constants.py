@@ -25,13 +25,15 @@ class Constants(NamedTuple):
     wave_generator_cap: float
     wave_generator_damping: float
     friction_torque: float
-    load_friction: float
     rim_damping: float
     near: float
     motor_inertia: float
     output_inertia: float
     rotor_friction: float
     rotor_viscous_friction: float
+    running_friction: float
+    running_viscous_friction: float
+    torque_constant: float
     fixture_stiffness: float
     fixture_damping: float
     current_decay: float
@@ -88,13 +90,15 @@ def derive(config: PlantConfig) -> Constants:
         wave_generator_cap=config.wave_generator_stiffness_cap,
         wave_generator_damping=config.wave_generator_damping,
         friction_torque=drive.friction_torque,
-        load_friction=drive.load_friction,
         rim_damping=drive.viscous_friction * drive.ratio**2,
         near=math.sqrt(_TORQUE_ACCURACY / (0.5 * drive.C_w / drive.ratio + drive.C_F**2 * flexspline_knee_torque)),
         motor_inertia=config.motor_inertia,
         output_inertia=config.output_inertia,
         rotor_friction=config.rotor_friction,
         rotor_viscous_friction=config.rotor_viscous_friction,
+        running_friction=drive.friction_torque / drive.ratio + config.rotor_friction,
+        running_viscous_friction=drive.viscous_friction + config.rotor_viscous_friction,
+        torque_constant=config.torque_constant,
         fixture_stiffness=config.fixture_stiffness,
         fixture_damping=config.fixture_damping,
         current_decay=decay,

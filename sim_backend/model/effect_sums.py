@@ -1,56 +1,101 @@
 """What the active effects add, as the stepper calls it: here none; `kernel` writes the versions with effects.
 
-Arguments are the signals at the end of the step (rad, rad/s, N*m, degC, s; `output_torque` is that of the step
-before, because it depends on the effects) and the flat array of the effects' parameters.
+Every sum takes the signals `now`, then `output_torque` (N*m) and `flexspline_torsion` (rad), which mean something else
+in each, then the time since the last call (s), the state with the effects' memory, and the effects' parameters.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+Array = NDArray[np.float64]
+
+
+class Signals(NamedTuple):
+    """Signals that an effect may take, besides `output_torque` and `flexspline_torsion`: contract signs, SI, degC.
+
+    `locked`: 1 while the fixture holds the output, else 0. `base_friction`: running friction of the base model at
+    the motor, T_c + b |motor_velocity|, N*m.
+    """
+
+    time: float
+    motor_position: float
+    motor_velocity: float
+    motor_torque: float
+    motor_current: float
+    output_position: float
+    output_velocity: float
+    temperature: float
+    motor_temperature: float
+    locked: float
+    base_friction: float
+
+
+FRICTION = False
+"""An effect changes the friction level of the mesh."""
+SERIES = False
+"""An effect in the torsion depends on the torque in the flexspline: a spring in series with it."""
+READINGS = False
+"""An effect changes what an instrument shows."""
+
 
 def torsion_effects(
-    time: float,
-    motor_position: float,
-    motor_velocity: float,
-    motor_torque: float,
-    output_position: float,
-    output_velocity: float,
-    output_torque: float,
-    temperature: float,
-    motor_temperature: float,
-    effect_parameters: NDArray[np.float64],
-) -> tuple[float, float]:
-    """Give (angle added to the torsion rad, its derivative with respect to motor_position rad/rad)."""
-    return 0.0, 0.0
+    now: Signals, output_torque: float, flexspline_torsion: float, step: float, state: Array, effect_parameters: Array
+) -> tuple[float, float, float, float]:
+    """Give what does not depend on the flexspline's torque: (angle added to the torsion rad, slope, open, open slope).
+
+    slope: the torque on the motor per N*m in the flexspline. The angle of an effect without memory gives the motor
+    all the work that the flexspline does on it; open are angle and slope of the others, which may keep or add some.
+    `output_torque` and `flexspline_torsion` mean nothing here.
+    """
+    return 0.0, 0.0, 0.0, 0.0
+
+
+def series_effects(
+    now: Signals, output_torque: float, flexspline_torsion: float, step: float, state: Array, effect_parameters: Array
+) -> float:
+    """Give the angle of what lies in series with the flexspline, rad, for a trial of the torque and torsion in it.
+
+    Memory is that of the step before; what becomes of it is on trial too, until `keep_series`.
+    """
+    return 0.0
+
+
+def keep_series(state: Array) -> None:
+    """Make the memory of the last trial the memory."""
+
+
+def series_slope(
+    now: Signals, output_torque: float, flexspline_torsion: float, step: float, state: Array, effect_parameters: Array
+) -> float:
+    """Give the torque on the motor per N*m in the flexspline that comes of the series, for the torque reached."""
+    return 0.0
+
+
+def friction_effects(
+    now: Signals, output_torque: float, flexspline_torsion: float, step: float, state: Array, effect_parameters: Array
+) -> float:
+    """Give what is added to the level of dry friction, N*m at the motor; `output_torque` is the flexspline's."""
+    return 0.0
 
 
 def motor_effects(
-    time: float,
-    motor_position: float,
-    motor_velocity: float,
-    motor_torque: float,
-    output_position: float,
-    output_velocity: float,
-    output_torque: float,
-    temperature: float,
-    motor_temperature: float,
-    effect_parameters: NDArray[np.float64],
+    now: Signals, output_torque: float, flexspline_torsion: float, step: float, state: Array, effect_parameters: Array
 ) -> float:
-    """Give the torque which the motor must overcome, N*m."""
+    """Give the torque which the motor must overcome, N*m; `output_torque` is the transducer's."""
     return 0.0
 
 
 def output_effects(
-    time: float,
-    motor_position: float,
-    motor_velocity: float,
-    motor_torque: float,
-    output_position: float,
-    output_velocity: float,
-    output_torque: float,
-    temperature: float,
-    motor_temperature: float,
-    effect_parameters: NDArray[np.float64],
+    now: Signals, output_torque: float, flexspline_torsion: float, step: float, state: Array, effect_parameters: Array
 ) -> float:
-    """Give the torque which the output must overcome, N*m."""
+    """Give the torque which the output must overcome, N*m; `output_torque` is the transducer's."""
     return 0.0
+
+
+def reading_errors(
+    now: Signals, output_torque: float, flexspline_torsion: float, step: float, state: Array, effect_parameters: Array
+) -> tuple[float, float, float, float]:
+    """Give the errors of motor_position, motor_torque, output_position and output_torque; `output_torque` is true."""
+    return 0.0, 0.0, 0.0, 0.0

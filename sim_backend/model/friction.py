@@ -4,7 +4,7 @@
 
 The law is that of the catalogue's base term `coulomb-friction`. Locked output: T_F = play(N motor_torque; N T_fs).
 Backdrive: motor_torque = play(T_F/N; T_fb/N), which equals equation (36) of Zhang, Ahmad & Liu 2014 with its sign and
-inequality corrected.
+inequality corrected (`backdriving_torque`).
 """
 
 from collections.abc import Callable
@@ -38,14 +38,39 @@ def play(inputs: Floats, radius: Floats | float, start: float | None = None) -> 
     Raises ModelError if `radius` is negative or not finite, or `inputs` is not one-dimensional.
     """
     values = np.ascontiguousarray(inputs, dtype=np.float64)
-    if values.ndim != 1:
-        raise ModelError(f"inputs has {values.ndim} dimensions; the play operator takes one series at a time.")
+    _check_play(values, "inputs", radius, "radius")
     radii = np.ascontiguousarray(np.broadcast_to(radius, values.shape), dtype=np.float64)
-    if not (np.all(np.isfinite(radii)) and np.all(radii >= 0.0)):
-        raise ModelError(f"radius = {radius!r} must be finite and at least 0.")
     outputs = np.empty_like(values)
     _compiled_loop()(outputs, values, radii, np.array([0.0 if start is None else float(start)]))
     return outputs
+
+
+def backdriving_torque(output_torque: Floats, ratio: float, friction: float, start: float = 0.0) -> Floats:
+    """Give T_w of a backdriven gear whose input is held, N*m, shape (n,): the logic (36), branch by branch.
+
+    output_torque: T_F, N*m, shape (n,). friction: backdriving torque T_fb, N*m at the output. start: T_w before the
+    first sample. The second branch is printed as "T_F - N T_w > -T_fb", which is true nearly always; here
+    T_F + N T_w < -T_fb, with which (36) is play(-T_F/N; T_fb/N), sample by sample. T_w acts back on the motor: the
+    motor's torque is -T_w. Raises ModelError as `play`.
+    """
+    inputs = np.asarray(output_torque, dtype=np.float64)
+    _check_play(inputs, "output_torque", friction, "friction")
+    T_w = start
+    found = []
+    for T_F in inputs.tolist():
+        if T_F + ratio * T_w > friction:
+            T_w = -(T_F - friction) / ratio
+        elif T_F + ratio * T_w < -friction:
+            T_w = -(T_F + friction) / ratio
+        found.append(T_w)
+    return np.array(found)
+
+
+def _check_play(values: Floats, name: str, radius: Floats | float, radius_name: str) -> None:
+    if values.ndim != 1:
+        raise ModelError(f"{name} has {values.ndim} dimensions; the play operator takes one series at a time.")
+    if not (np.all(np.isfinite(radius)) and np.all(np.asarray(radius) >= 0.0)):
+        raise ModelError(f"{radius_name} = {radius!r} must be finite and at least 0.")
 
 
 @cache

@@ -1,6 +1,6 @@
 """The plant's kernel for one set of effects: one flat generated module of the stepper and the effects' functions."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,102 +8,192 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_backend.errors import ModelError
-from sim_backend.model import constants, drive_loop, effect_sums, rim, springs, stepper
+from sim_backend.model import constants, drive_loop, effect_sums, rim, series, springs, stepper
 from sim_backend.model.compiler import load
 from sim_backend.model.effects import ActiveEffect, Effect, Enters
 from sim_backend.model.source import definitions, function_source
 
-SIGNALS = (
-    "time",
-    "motor_position",
-    "motor_velocity",
-    "motor_torque",
-    "output_position",
-    "output_velocity",
-    "output_torque",
-    "temperature",
-    "motor_temperature",
-)
-"""Signals that an effect in the plant may take, in the order in which the stepper passes them."""
+FLEXSPLINE_SIGNALS = ("output_torque", "flexspline_torsion")
+"""Signals besides `effect_sums.Signals`; an effect in the torsion that takes one lies in series with the flexspline."""
+
+SIGNALS = (*effect_sums.Signals._fields, *FLEXSPLINE_SIGNALS)
+"""Signals that an effect in the plant may take."""
+
+READABLE = ("motor_position", "motor_torque", "output_position", "output_torque")
+"""Readings that an effect may change, in the order of `effect_sums.reading_errors`."""
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class Kernel:
-    """`advance(steps, state, inputs, constants, effect_parameters)` and the effects' sums, with their parameters.
+    """`start` and `advance` of the stepper, the effects' parameters, and the size of the state with their memory.
 
-    The sums take the signals in the order of SIGNALS and `effect_parameters`.
+    start(state, inputs, constants, effect_parameters), advance(steps, state, inputs, constants, effect_parameters).
+    `readings`: an effect changes readings.
     """
 
+    start: Callable[[Array, Array, Array, Array], None]
     advance: Callable[[int, Array, Array, Array, Array], None]
-    torsion_effects: Callable[..., tuple[float, float]]
-    motor_effects: Callable[..., float]
-    output_effects: Callable[..., float]
     effect_parameters: Array
+    state_size: int
+    readings: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Placed:
+    """An active effect with its number and the places of its parameters and of its memory."""
+
+    effect: Effect
+    number: int
+    parameters: int
+    memory: int
+
+    def call(self, what: str = "", memory_offset: int = 0) -> str:
+        """Give the source of a call of its function, or of its `_slope`."""
+        effect = self.effect
+        arguments = [name if name in FLEXSPLINE_SIGNALS else f"now.{name}" for name in effect.signals]
+        if effect.memory:
+            begin = self.memory + memory_offset
+            arguments += ["step", f"state[{begin}:{begin + effect.memory}]"]
+        arguments += [f"effect_parameters[{self.parameters + i}]" for i in range(len(effect.parameters))]
+        return f"effect_{self.number}{what}({', '.join(arguments)})"
 
 
 def plant_kernel(effects: Sequence[ActiveEffect], *, compiled: bool = True) -> Kernel:
     """Give the kernel for these effects, compiled on first use and then from the user's cache.
 
-    Raises ModelError if an effect takes a signal that the plant does not have, or enters where the plant cannot.
+    Raises ModelError if an effect takes or changes a signal that the plant does not have, or enters where it cannot.
     """
-    body = kernel_source([active.effect for active in effects])
-    module: Any = load("The plant of a simulated bench", body, compiled=compiled)
+    kinds = [active.effect for active in effects]
+    module: Any = load("The plant of a simulated bench", kernel_source(kinds), compiled=compiled)
     values = [value for active in effects for value in active.values]
     return Kernel(
-        module.advance,
-        module.torsion_effects,
-        module.motor_effects,
-        module.output_effects,
-        np.array(values or [0.0], dtype=np.float64),
+        start=module.start,
+        advance=module.advance,
+        effect_parameters=np.array(values or [0.0], dtype=np.float64),
+        state_size=stepper.STATE_SIZE + sum(effect.memory * (2 if _in_series(effect) else 1) for effect in kinds),
+        readings=any(effect.enters is Enters.READING for effect in kinds),
     )
 
 
 def kernel_source(effects: Sequence[Effect]) -> str:
     """Give the source of everything the kernel consists of; it depends on the effects, not on their values."""
-    parts = [
-        definitions(constants, "unpack", "derive"),
-        _unpack(),
-        definitions(springs),
-        definitions(rim),
-        definitions(drive_loop),
+    for effect in effects:
+        _check(effect)
+    placed = _place(effects)
+    entering = {enters: [p for p in placed if p.effect.enters is enters] for enters in Enters}
+    in_series = [p for p in placed if _in_series(p.effect)]
+    in_torsion = [p for p in entering[Enters.TORSION] if p not in in_series]
+    readings = [[p for p in entering[Enters.READING] if p.effect.reads == name] for name in READABLE]
+    remembered = sum(p.effect.memory for p in in_series)
+    trial = stepper.STATE_SIZE + sum(p.effect.memory for p in placed)
+
+    def of(group: Iterable[_Placed], what: str = "", memory_offset: int = 0) -> str:
+        calls = [p.call(what, memory_offset) for p in group if not what or p.effect.slope is not None]
+        return " + ".join(["0.0", *calls])
+
+    first = stepper.STATE_SIZE
+    functions = [function_source(p.effect.function, f"effect_{p.number}") for p in placed]
+    functions += [
+        function_source(p.effect.slope, f"effect_{p.number}_slope") for p in placed if p.effect.slope is not None
     ]
-    calls: dict[Enters, list[str]] = {Enters.TORSION: [], Enters.MOTOR_BALANCE: [], Enters.OUTPUT_BALANCE: []}
-    slopes = []
-    place = 0
-    for number, effect in enumerate(effects):
-        if effect.enters not in calls:
-            raise ModelError(f"{effect.id} enters the {effect.enters}, which the plant cannot simulate.")
-        unknown = [name for name in effect.signals if name not in SIGNALS]
-        if unknown:
-            raise ModelError(
-                f"{effect.id} takes {', '.join(unknown)}, which the plant does not have; it has {', '.join(SIGNALS)}."
-            )
-        arguments = [*effect.signals, *(f"effect_parameters[{place + i}]" for i in range(len(effect.parameters)))]
-        place += len(effect.parameters)
-        parts.append(function_source(effect.function, f"effect_{number}"))
-        calls[effect.enters].append(f"effect_{number}({', '.join(arguments)})")
-        if effect.slope is not None:
-            parts.append(function_source(effect.slope, f"effect_{number}_slope"))
-            slopes.append(f"effect_{number}_slope({', '.join(arguments)})")
-    parts += [
-        _sum("torsion_effects", f"{_total(calls[Enters.TORSION])}, {_total(slopes)}"),
-        _sum("motor_effects", _total(calls[Enters.MOTOR_BALANCE])),
-        _sum("output_effects", _total(calls[Enters.OUTPUT_BALANCE])),
-        definitions(stepper),
-    ]
-    return "\n\n".join(parts)
+    closed = [p for p in in_torsion if p.effect.slope is not None and not p.effect.memory]
+    open_ = [p for p in in_torsion if p not in closed]
+    return "\n\n".join(
+        [
+            definitions(constants, "unpack", "derive"),
+            _unpack(),
+            definitions(springs),
+            definitions(rim),
+            definitions(drive_loop),
+            *functions,
+            definitions(effect_sums, *_SUMS, *_SWITCHES, "Array"),
+            f"FRICTION, SERIES, READINGS = {bool(entering[Enters.FRICTION])}, {bool(in_series)}, {any(readings)}",
+            _sum(
+                "torsion_effects",
+                f"closed, open_ = {of(closed)}, {of(open_)}",
+                f"slope, open_slope = {of(closed, '_slope')}, {of(open_, '_slope')}",
+                "return closed + open_, slope + open_slope, open_, open_slope",
+            ),
+            _sum(
+                "series_effects",
+                *_copy(remembered, first, trial),
+                f"return {of(in_series, memory_offset=trial - first)}",
+            ),
+            "@compiled\ndef keep_series(state):\n" + _lines([*_copy(remembered, trial, first), "return"]),
+            _sum("series_slope", f"return {of(in_series, '_slope')}"),
+            _sum("friction_effects", f"return {of(entering[Enters.FRICTION])}"),
+            _sum("motor_effects", f"return {of(entering[Enters.MOTOR_BALANCE])}"),
+            _sum("output_effects", f"return {of(entering[Enters.OUTPUT_BALANCE])}"),
+            _sum("reading_errors", f"return {', '.join(of(group) for group in readings)}"),
+            definitions(series),
+            definitions(stepper),
+        ]
+    )
 
 
-def _total(calls: Sequence[str]) -> str:
-    return " + ".join(["0.0", *calls])
+_SWITCHES = ("FRICTION", "SERIES", "READINGS")
+_SUMS = (
+    "torsion_effects",
+    "series_effects",
+    "keep_series",
+    "series_slope",
+    "friction_effects",
+    "motor_effects",
+    "output_effects",
+    "reading_errors",
+)
+"""What this module writes in place of what `effect_sums` defines."""
 
 
-def _sum(name: str, value: str) -> str:
-    if name not in vars(effect_sums):
-        raise ModelError(f"the stepper calls no {name}().")
-    return f"@compiled\ndef {name}({', '.join(SIGNALS)}, effect_parameters):\n    return {value}"
+def _check(effect: Effect) -> None:
+    """Raise ModelError unless the plant can simulate the effect."""
+    if effect.enters is Enters.BASE:
+        raise ModelError(
+            f"{effect.id} is a term of the base model: the plant has it always, with the parameters of its drive "
+            f"(HarmonicDrive, PlantConfig), and not as an active effect."
+        )
+    offered = [name for name in SIGNALS if effect.enters is not Enters.FRICTION or name != "flexspline_torsion"]
+    unknown = [name for name in effect.signals if name not in offered]
+    if unknown:
+        raise ModelError(
+            f"{effect.id} takes {', '.join(unknown)}, which the plant does not have for an effect that enters the "
+            f"{effect.enters}; it has {', '.join(offered)}."
+        )
+    if effect.enters is Enters.READING and effect.reads not in READABLE:
+        raise ModelError(
+            f"{effect.id} changes the reading of {effect.reads or 'nothing'}; in the plant an effect can change those "
+            f"of {', '.join(READABLE)}."
+        )
+
+
+def _in_series(effect: Effect) -> bool:
+    return effect.enters is Enters.TORSION and any(name in FLEXSPLINE_SIGNALS for name in effect.signals)
+
+
+def _place(effects: Sequence[Effect]) -> list[_Placed]:
+    """Lay out parameters in order and memory behind the state, that of what lies in series first."""
+    parameters = np.cumsum([0, *(len(effect.parameters) for effect in effects)]).tolist()
+    memory, places = stepper.STATE_SIZE, dict[int, int]()
+    for number in sorted(range(len(effects)), key=lambda k: not _in_series(effects[k])):
+        places[number] = memory
+        memory += effects[number].memory
+    return [_Placed(effect, k, parameters[k], places[k]) for k, effect in enumerate(effects)]
+
+
+def _sum(name: str, *body: str) -> str:
+    arguments = "now, output_torque, flexspline_torsion, step, state, effect_parameters"
+    return f"@compiled\ndef {name}({arguments}):\n{_lines(body)}"
+
+
+def _copy(count: int, source: int, target: int) -> list[str]:
+    """Give the lines that copy so many numbers of the state, if any."""
+    return [f"for k in range({count}):", f"    state[{target} + k] = state[{source} + k]"] if count else []
+
+
+def _lines(body: Iterable[str]) -> str:
+    return "\n".join(f"    {line}" for line in body)
 
 
 def _unpack() -> str:

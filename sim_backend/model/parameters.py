@@ -6,6 +6,7 @@ from enum import StrEnum
 from typing import Self
 
 from sim_backend.errors import ModelError
+from sim_backend.model.estimation import flexspline_from_catalogue, wave_generator_from_tests
 
 
 class Rotation(StrEnum):
@@ -21,7 +22,7 @@ class HarmonicDrive:
 
     ratio: 1. K_F0 (N*m/rad at the output) and C_F (1/(N*m)): flexspline. K_w0 (N*m/rad at the motor) and
     C_w (1/(N*m)): wave generator. friction_torque: dry friction of the tooth mesh, N*m at the output;
-    load_friction: its growth per N*m of output torque, 1; viscous_friction: N*m*s, seen at the motor.
+    viscous_friction: N*m*s, seen at the motor.
     """
 
     ratio: float
@@ -30,7 +31,6 @@ class HarmonicDrive:
     K_w0: float
     C_w: float
     friction_torque: float
-    load_friction: float = 0.0
     viscous_friction: float = 0.0
 
     def __post_init__(self) -> None:
@@ -40,7 +40,6 @@ class HarmonicDrive:
         _check("K_w0", self.K_w0, "N*m/rad", above=0.0)
         _check("C_w", self.C_w, "1/(N*m)", above=0.0)
         _check("friction_torque", self.friction_torque, "N*m", low=0.0)
-        _check("load_friction", self.load_friction, "", low=0.0, below=1.0)
         _check("viscous_friction", self.viscous_friction, "N*m*s", low=0.0)
 
     @classmethod
@@ -54,32 +53,24 @@ class HarmonicDrive:
         hysteresis_loss: float,
         starting_torque: float,
         *,
-        load_friction: float = 0.0,
         viscous_friction: float = 0.0,
     ) -> Self:
         """Estimate the parameters from catalogue values, Zhang (29)-(35).
 
         K1, K2: N*m/rad below T1 and between T1 and T2 (N*m). hysteresis_loss: rad at the output.
-        starting_torque: N*m at the motor. (32) is used as it follows from (29) and (30): the printed 0.089 for the
-        paper's drive applies its leading 2 twice. (33) put into (35) gives C_w = 1/starting_torque.
+        starting_torque: N*m at the motor. See `estimation` for what the paper printed otherwise.
         Raises ModelError if a value is out of range or no drive has these stiffnesses.
         """
         _check("ratio", ratio, "", low=1.0)
-        _check("K1", K1, "N*m/rad", above=0.0)
-        _check("T1", T1, "N*m", above=0.0)
-        _check("T2", T2, "N*m", above=T1)
-        _check("K2", K2, "N*m/rad", above=K1, below=K1 * ((T1 + T2) / T1) ** 2)
-        _check("hysteresis_loss", hysteresis_loss, "rad", above=0.0)
-        _check("starting_torque", starting_torque, "N*m", above=0.0)
-        outer = (T1 + T2) ** 2
+        K_F0, C_F = flexspline_from_catalogue(K1, K2, T1, T2)
+        K_w0, C_w = wave_generator_from_tests(ratio, hysteresis_loss, starting_torque)
         return cls(
             ratio=ratio,
-            K_F0=K1 + (K1 - K2) * T1**2 / (outer - T1**2),
-            C_F=2.0 * math.sqrt((K2 - K1) / (K1 * outer - K2 * T1**2)),
-            K_w0=2.0 * starting_torque / (ratio * hysteresis_loss),
-            C_w=1.0 / starting_torque,
+            K_F0=K_F0,
+            C_F=C_F,
+            K_w0=K_w0,
+            C_w=C_w,
             friction_torque=ratio * starting_torque,
-            load_friction=load_friction,
             viscous_friction=viscous_friction,
         )
 
@@ -93,6 +84,7 @@ class PlantConfig:
     `output_inertia` includes arm and load motor. The damping of the springs is structural: the rotor on the
     sticking rim rings at 34 Hz with a damping ratio of about 0.15. Both springs go on in a straight line above their
     stiffness caps (at 1000 N*m/rad the torsion differs by 0.4 urad rms from equation (28)).
+    `torque_constant` (N*m/A) is the one that the motor's drive believes in.
     Noises are standard deviations of white noise per reading.
     """
 
@@ -109,6 +101,7 @@ class PlantConfig:
     flexspline_stiffness_cap: float = 1e5
     fixture_stiffness: float = 2e5
     fixture_damping: float = 1.0
+    torque_constant: float = 0.321
     motor_rated_torque: float = 0.188
     load_rated_torque: float = 20.0
     motor_speed_limit: float = 600.0
@@ -170,6 +163,7 @@ _POSITIVE = {
     "rotor_inertia": "kg*m^2",
     "output_inertia": "kg*m^2",
     "fixture_stiffness": "N*m/rad",
+    "torque_constant": "N*m/A",
     "motor_rated_torque": "N*m",
     "load_rated_torque": "N*m",
     "motor_speed_limit": "rad/s",

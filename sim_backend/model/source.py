@@ -21,6 +21,8 @@ def definitions(module: ModuleType, *leave_out: str) -> str:
             continue
         if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name in leave_out:
             continue
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) in leave_out:
+            continue
         kept.append(node)
     return "\n\n".join(_decorated(node) for node in kept)
 

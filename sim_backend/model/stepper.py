@@ -2,11 +2,14 @@
 
     (J_m + J_wg) dw_m/dt = motor_torque + T_w + T_F de/dtheta_m - rotor friction - motor effects
     J_l dw_o/dt = load_torque - fixture - T_F - output effects
-    T_F = f^-1(theta_o - rim - e(theta_m)),  T_w = g^-1(-N rim - theta_m), each with its spring's damper
+    T_F = f^-1(theta_o - rim - e),  T_w = g^-1(-N rim - theta_m), each with its spring's damper
 
 One evaluation of the springs per step, second order. Velocities inside forces are extrapolated to the end of the
-step. Dry rotor friction brakes each half kick and never reverses it. T_F acts on the flexspline from outside, T_w on
-the motor shaft; at rest T_w = -motor_torque. Sense `opposed`. Scalar code that numba compiles.
+step, and so is the T_F on which the friction level depends; what lies in series with the flexspline is solved for
+with it. Dry rotor friction brakes each half kick and never reverses it. T_F acts on the flexspline from outside, T_w
+on the motor shaft; at rest T_w = -motor_torque. The motor's drive regulates what it reads: its current loop the
+torque that it believes in, which differs from the shaft's by the error of the reading. Errors of readings are those
+of the last tick of the drive loops. Sense `opposed`. Scalar code that numba compiles.
 """
 
 import math
@@ -14,10 +17,24 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_backend.model.constants import unpack
-from sim_backend.model.drive_loop import drive_loop
-from sim_backend.model.effect_sums import motor_effects, output_effects, torsion_effects
+from sim_backend.model.constants import Constants, unpack
+from sim_backend.model.drive_loop import OFF, drive_loop
+from sim_backend.model.effect_sums import (
+    FRICTION,
+    READINGS,
+    SERIES,
+    Signals,
+    friction_effects,
+    keep_series,
+    motor_effects,
+    output_effects,
+    reading_errors,
+    series_effects,
+    series_slope,
+    torsion_effects,
+)
 from sim_backend.model.rim import move_rim
+from sim_backend.model.series import Series, move_rim_in_series
 
 (
     STEPS,
@@ -28,8 +45,10 @@ from sim_backend.model.rim import move_rim
     RIM,
     SLIP,
     MOTOR_TORQUE,
+    SHOWN_TORQUE,
     LOAD_TORQUE,
     T_F_NOW,
+    T_F_BEFORE,
     T_W_NOW,
     FIXTURE_TORQUE,
     OUTPUT_TORQUE,
@@ -39,6 +58,19 @@ from sim_backend.model.rim import move_rim
     OUTPUT_EFFECTS,
     LEVEL,
     ERROR,
+    ERROR_OPEN,
+    SERIES_TORSION,
+    SERIES_TORQUE,
+    SERIES_ANGLE,
+    SERIES_COMPLIANCE,
+    SERIES_SHARE,
+    PULL,
+    MOTOR_POSITION_ERROR,
+    MOTOR_VELOCITY_ERROR,
+    MOTOR_TORQUE_ERROR,
+    OUTPUT_POSITION_ERROR,
+    OUTPUT_VELOCITY_ERROR,
+    OUTPUT_TORQUE_ERROR,
     LOOP_WAIT,
     MOTOR_COMMAND,
     LOAD_COMMAND,
@@ -50,8 +82,11 @@ from sim_backend.model.rim import move_rim
     DISSIPATED,
     EFFECT_WORK,
     STATE_SIZE,
-) = range(30)
-"""Places in the state array. The last three are the energy account, J: work of both drives, heat, work on effects."""
+) = range(45)
+"""Places in the state array; the effects' memory follows. SHOWN_TORQUE is what the motor's drive believes in.
+
+The last three are the energy account, J: work of both drives, heat, work on effects.
+"""
 
 (
     MOTOR_MODE,
@@ -76,6 +111,70 @@ def brake(velocity: float, loss: float) -> float:
     return math.copysign(max(abs(velocity) - loss, 0.0), velocity)
 
 
+def signals_at(
+    time: float,
+    motor_position: float,
+    motor_velocity: float,
+    motor_torque: float,
+    shown_torque: float,
+    output_position: float,
+    output_velocity: float,
+    inputs: NDArray[np.float64],
+    c: Constants,
+) -> Signals:
+    """Give the signals that effects take; the current is the one that the motor's drive believes in."""
+    return Signals(
+        time,
+        motor_position,
+        motor_velocity,
+        motor_torque,
+        shown_torque / c.torque_constant,
+        output_position,
+        output_velocity,
+        inputs[TEMPERATURE],
+        inputs[MOTOR_TEMPERATURE],
+        inputs[LOCKED],
+        c.running_friction + c.running_viscous_friction * abs(motor_velocity),
+    )
+
+
+def friction_level(
+    now: Signals,
+    flexspline_torque: float,
+    slip: float,
+    s: NDArray[np.float64],
+    effect_parameters: NDArray[np.float64],
+    c: Constants,
+) -> float:
+    """Give the level of dry friction at the rim, N*m at the output.
+
+    `slip` (rad in the last step): while the rim slides, effects may take as much of the viscous friction as there is,
+    but dry and viscous friction together never drive.
+    """
+    if not FRICTION:
+        return c.friction_torque
+    added = c.ratio * friction_effects(now, flexspline_torque, 0.0, c.step, s, effect_parameters)
+    return max(c.friction_torque + added, -c.rim_damping * abs(slip) / c.step)
+
+
+def read_errors(
+    now: Signals,
+    output_torque: float,
+    flexspline_torsion: float,
+    period: float,
+    s: NDArray[np.float64],
+    effect_parameters: NDArray[np.float64],
+) -> None:
+    """Put the errors of the readings at the end of a tick into the state; a speed's is the change of its angle's."""
+    motor_angle, motor_torque, output_angle, output_torque_error = reading_errors(
+        now, output_torque, flexspline_torsion, period, s, effect_parameters
+    )
+    s[MOTOR_VELOCITY_ERROR] = (motor_angle - s[MOTOR_POSITION_ERROR]) / period
+    s[OUTPUT_VELOCITY_ERROR] = (output_angle - s[OUTPUT_POSITION_ERROR]) / period
+    s[MOTOR_POSITION_ERROR], s[OUTPUT_POSITION_ERROR] = motor_angle, output_angle
+    s[MOTOR_TORQUE_ERROR], s[OUTPUT_TORQUE_ERROR] = motor_torque, output_torque_error
+
+
 def advance(
     steps: int,
     s: NDArray[np.float64],
@@ -87,11 +186,14 @@ def advance(
     c = unpack(constants)
     theta_m, omega_m = s[MOTOR_POSITION], s[MOTOR_VELOCITY]
     theta_o, omega_o = s[OUTPUT_POSITION], s[OUTPUT_VELOCITY]
-    rim, slip, level, error = s[RIM], s[SLIP], s[LEVEL], s[ERROR]
-    motor_torque, load_torque = s[MOTOR_TORQUE], s[LOAD_TORQUE]
-    T_F, T_w, fixture = s[T_F_NOW], s[T_W_NOW], s[FIXTURE_TORQUE]
+    rim, slip, level, error, open_error = s[RIM], s[SLIP], s[LEVEL], s[ERROR], s[ERROR_OPEN]
+    motor_torque, shown_torque, load_torque = s[MOTOR_TORQUE], s[SHOWN_TORQUE], s[LOAD_TORQUE]
+    torque_error = s[MOTOR_TORQUE_ERROR]
+    T_F, last_T_F, T_w, fixture = s[T_F_NOW], s[T_F_BEFORE], s[T_W_NOW], s[FIXTURE_TORQUE]
     motor_force, output_force = s[MOTOR_FORCE], s[OUTPUT_FORCE]
     motor_extra, output_extra = s[MOTOR_EFFECTS], s[OUTPUT_EFFECTS]
+    series = Series(s[SERIES_TORSION], s[SERIES_TORQUE], s[SERIES_ANGLE], s[SERIES_COMPLIANCE], s[SERIES_SHARE])
+    pull = s[PULL]
     wait, motor_command, load_command = s[LOOP_WAIT], s[MOTOR_COMMAND], s[LOAD_COMMAND]
     motor_integral, load_integral = s[MOTOR_INTEGRAL], s[LOAD_INTEGRAL]
     work, dissipated, effect_work = s[WORK], s[DISSIPATED], s[EFFECT_WORK]
@@ -104,22 +206,25 @@ def advance(
         if wait <= 0.0:
             wait = c.loop_steps
             motor_command, motor_integral, limited = drive_loop(
-                inputs[MOTOR_MODE], inputs[MOTOR_TARGET], inputs[MOTOR_LIMIT], theta_m, omega_m, motor_integral,
+                inputs[MOTOR_MODE], inputs[MOTOR_TARGET], inputs[MOTOR_LIMIT],
+                theta_m + s[MOTOR_POSITION_ERROR], omega_m + s[MOTOR_VELOCITY_ERROR], motor_integral,
                 c.motor_position_gain, c.motor_velocity_gain, c.motor_integral_gain, c.motor_speed_limit, c.loop_period,
             )  # fmt: skip
             s[MOTOR_LIMITED] = max(s[MOTOR_LIMITED], limited)
+            if inputs[MOTOR_MODE] == OFF:
+                motor_command = torque_error  # without current the drive reads its error
             load_command, load_integral, limited = drive_loop(
                 inputs[LOAD_MODE], inputs[LOAD_TARGET], inputs[LOAD_LIMIT], theta_o, omega_o, load_integral,
                 c.load_position_gain, c.load_velocity_gain, c.load_integral_gain, c.load_speed_limit, c.loop_period,
             )  # fmt: skip
             s[LOAD_LIMITED] = max(s[LOAD_LIMITED], limited)
         wait -= 1.0
-        motor_lag, load_lag = motor_torque - motor_command, load_torque - load_command
-        motor_drive, load_drive = motor_command + motor_lag * c.current_mean, load_command + load_lag * c.current_mean
-        motor_torque, load_torque = (
-            motor_command + motor_lag * c.current_decay,
-            load_command + load_lag * c.current_decay,
-        )
+        motor_lag, load_lag = shown_torque - motor_command, load_torque - load_command
+        motor_drive = motor_command + motor_lag * c.current_mean - torque_error
+        load_drive = load_command + load_lag * c.current_mean
+        shown_torque = motor_command + motor_lag * c.current_decay
+        load_torque = load_command + load_lag * c.current_decay
+        motor_torque = shown_torque - torque_error
 
         middle_m = brake(omega_m + half_m * (motor_drive + motor_force), rotor_loss)
         middle_o = omega_o + half_o * (load_drive + fixture + output_force)
@@ -127,28 +232,37 @@ def advance(
         theta_m += h * middle_m
         theta_o += h * middle_o
 
-        time = (s[STEPS] + (i + 1)) * h
+        fixture = -locked * (c.fixture_stiffness * (theta_o - lock_position) + c.fixture_damping * next_o)
         output_torque = load_torque + fixture
-        last_error, last_level = error, level
-        error, slope = torsion_effects(
-            time, theta_m, next_m, motor_torque, theta_o, next_o, output_torque,
-            inputs[TEMPERATURE], inputs[MOTOR_TEMPERATURE], effect_parameters,
-        )  # fmt: skip
-        slip, T_F, T_w, level = move_rim(slip, rim, theta_o - error, next_o - slope * next_m, theta_m, next_m, c)
+        time = (s[STEPS] + (i + 1)) * h
+        now = signals_at(time, theta_m, next_m, motor_torque, shown_torque, theta_o, next_o, inputs, c)
+        last_level = level
+        level = friction_level(now, 2.0 * T_F - last_T_F, slip, s, effect_parameters, c)
+        last_T_F, last_error, last_open = T_F, error, open_error
+        error, slope, open_error, open_slope = torsion_effects(now, 0.0, 0.0, h, s, effect_parameters)
+        base, base_rate = theta_o - error, next_o - slope * next_m
+        if SERIES:
+            last_series = series
+            slip, T_F, T_w, series = move_rim_in_series(
+                slip, series, rim, base, base_rate, theta_m, next_m, level, now, s, effect_parameters, c
+            )
+            keep_series(s)
+        else:
+            slip, T_F, T_w = move_rim(slip, rim, base, base_rate, theta_m, next_m, level, c)
         rim += slip
+        last_pull, pull = pull, T_F * open_slope
+        motor_force = T_w + T_F * slope
+        if SERIES:
+            series_pull = series.torque * series_slope(now, series.torque, series.torsion, h, s, effect_parameters)
+            pull += series_pull
+            motor_force += series_pull
+        torsion = base - rim - series.angle
 
         last_motor_extra, last_output_extra = motor_extra, output_extra
-        motor_extra = motor_effects(
-            time, theta_m, next_m, motor_torque, theta_o, next_o, output_torque,
-            inputs[TEMPERATURE], inputs[MOTOR_TEMPERATURE], effect_parameters,
-        )  # fmt: skip
-        output_extra = output_effects(
-            time, theta_m, next_m, motor_torque, theta_o, next_o, output_torque,
-            inputs[TEMPERATURE], inputs[MOTOR_TEMPERATURE], effect_parameters,
-        )  # fmt: skip
-        motor_force = T_w + T_F * slope - motor_extra - c.rotor_viscous_friction * next_m
+        motor_extra = motor_effects(now, output_torque, torsion, h, s, effect_parameters)
+        output_extra = output_effects(now, output_torque, torsion, h, s, effect_parameters)
+        motor_force = motor_force - motor_extra - c.rotor_viscous_friction * next_m
         output_force = -T_F - output_extra
-        fixture = -locked * (c.fixture_stiffness * (theta_o - lock_position) + c.fixture_damping * next_o)
         omega_m = brake(middle_m + half_m * (motor_drive + motor_force), rotor_loss)
         omega_o = middle_o + half_o * (load_drive + fixture + output_force)
 
@@ -159,6 +273,9 @@ def advance(
         effect_work += 0.5 * (
             (motor_extra + last_motor_extra) * motor_travel + (output_extra + last_output_extra) * output_travel
         )
+        effect_work += 0.5 * ((T_F + last_T_F) * (open_error - last_open) - (pull + last_pull) * motor_travel)
+        if SERIES:
+            effect_work += 0.5 * (series.torque + last_series.torque) * (series.angle - last_series.angle)
         dissipated += (
             0.5 * (level + last_level) * abs(slip)
             + c.rotor_friction * abs(motor_travel)
@@ -171,16 +288,49 @@ def advance(
             )
             / h
         )
+        if READINGS and wait <= 0.0:
+            now = signals_at(now.time, theta_m, omega_m, motor_torque, shown_torque, theta_o, omega_o, inputs, c)
+            read_errors(now, output_torque, torsion, c.loop_period, s, effect_parameters)
+            torque_error = s[MOTOR_TORQUE_ERROR]
+            motor_torque = shown_torque - torque_error
 
     s[STEPS] += steps
     s[MOTOR_POSITION], s[MOTOR_VELOCITY] = theta_m, omega_m
     s[OUTPUT_POSITION], s[OUTPUT_VELOCITY] = theta_o, omega_o
-    s[RIM], s[SLIP], s[LEVEL], s[ERROR] = rim, slip, level, error
-    s[MOTOR_TORQUE], s[LOAD_TORQUE] = motor_torque, load_torque
-    s[T_F_NOW], s[T_W_NOW], s[FIXTURE_TORQUE] = T_F, T_w, fixture
+    s[RIM], s[SLIP], s[LEVEL], s[ERROR], s[ERROR_OPEN] = rim, slip, level, error, open_error
+    s[SERIES_TORSION], s[SERIES_TORQUE], s[SERIES_ANGLE] = series.torsion, series.torque, series.angle
+    s[SERIES_COMPLIANCE], s[SERIES_SHARE], s[PULL] = series.compliance, series.share, pull
+    s[MOTOR_TORQUE], s[SHOWN_TORQUE], s[LOAD_TORQUE] = motor_torque, shown_torque, load_torque
+    s[T_F_NOW], s[T_F_BEFORE], s[T_W_NOW], s[FIXTURE_TORQUE] = T_F, last_T_F, T_w, fixture
     s[OUTPUT_TORQUE] = load_torque + fixture
     s[MOTOR_FORCE], s[OUTPUT_FORCE] = motor_force, output_force
     s[MOTOR_EFFECTS], s[OUTPUT_EFFECTS] = motor_extra, output_extra
     s[LOOP_WAIT], s[MOTOR_COMMAND], s[LOAD_COMMAND] = wait, motor_command, load_command
     s[MOTOR_INTEGRAL], s[LOAD_INTEGRAL] = motor_integral, load_integral
     s[WORK], s[DISSIPATED], s[EFFECT_WORK] = work, dissipated, effect_work
+
+
+def start(
+    s: NDArray[np.float64],
+    inputs: NDArray[np.float64],
+    constants: NDArray[np.float64],
+    effect_parameters: NDArray[np.float64],
+) -> None:
+    """Put the state, all zero so far, at rest without torque, and take up what the effects do there."""
+    c = unpack(constants)
+    h = c.step
+    now = signals_at(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, inputs, c)
+    error, _, open_error, _ = torsion_effects(now, 0.0, 0.0, h, s, effect_parameters)
+    angle = series_effects(now, 0.0, 0.0, h, s, effect_parameters)
+    keep_series(s)
+    s[ERROR], s[ERROR_OPEN], s[SERIES_ANGLE], s[SERIES_SHARE] = error, open_error, angle, 1.0
+    s[OUTPUT_POSITION] = error + angle
+    now = signals_at(0.0, 0.0, 0.0, 0.0, 0.0, error + angle, 0.0, inputs, c)
+    s[LEVEL] = friction_level(now, 0.0, 0.0, s, effect_parameters, c)
+    s[MOTOR_EFFECTS] = motor_effects(now, 0.0, 0.0, h, s, effect_parameters)
+    s[OUTPUT_EFFECTS] = output_effects(now, 0.0, 0.0, h, s, effect_parameters)
+    s[MOTOR_FORCE] = -s[MOTOR_EFFECTS]
+    s[OUTPUT_FORCE] = -s[OUTPUT_EFFECTS]
+    read_errors(now, 0.0, 0.0, c.loop_period, s, effect_parameters)
+    s[SHOWN_TORQUE] = s[MOTOR_TORQUE_ERROR]
+    s[MOTOR_VELOCITY_ERROR] = s[OUTPUT_VELOCITY_ERROR] = 0.0

@@ -8,6 +8,7 @@ from typing import Protocol
 from drivers.types import Limits, Mode, Sample, Setpoint
 from procedures.intents import Ask, Command, Evaluation, Mark, Result, SetLock, Tare
 from procedures.plan import BenchFacts, PlannedRun
+from sim_backend.model.effects import ActiveEffect
 from sim_backend.model.parameters import HarmonicDrive, PlantConfig
 from sim_backend.plant import Plant
 from sim_backend.ports import AxisMode
@@ -150,7 +151,6 @@ def zhang_plant(seed: int = 0, **changes: float) -> PlantConfig:
         12.0,
         1.8e-4,
         0.012,
-        load_friction=changes.pop("load_friction", 0.0),
         viscous_friction=changes.pop("viscous_friction", 1e-4),
     )
     return PlantConfig(drive=gear, **changes)
@@ -166,8 +166,9 @@ class PlantBench:
         torque_step: float = 0.0,
         encoder_sign: float = 1.0,
         seed: int = 0,
+        effects: tuple[ActiveEffect, ...] = (),
     ) -> None:
-        self._plant = Plant(config or zhang_plant(), seed=seed)
+        self._plant = Plant(config or zhang_plant(), effects, seed=seed)
         self._plant.set_torque_limit("motor", facts.limits.motor_torque)
         self._facts = facts
         self._step = torque_step

@@ -10,7 +10,9 @@ from drivers.types import Mode, Sample
 from procedures.free_run import FreeRun, plan, summarise
 from procedures.intents import Command
 from procedures.waveforms import TURN
-from tests.procedures.drive import FACTS, LIMITS, Driven, PlantBench, drive, drive_all, with_facts, zhang_plant
+from sim_backend.model.effects import ActiveEffect
+from tests.procedures.drive import FACTS, LIMITS, Driven, PlantBench, drive, drive_all, with_facts
+from tests.sim_backend.small_effects import LOAD_FRICTION
 
 FAST = FreeRun(dwell=1.0, speeds=(100.0, 200.0), turns=1, repeats=1)
 
@@ -136,8 +138,8 @@ LOADED = replace(FAST, speeds=(150.0,), load_torques=(-8.0, 0.0, 8.0))
 
 @pytest.fixture(scope="module")
 def loaded() -> list[Driven]:
-    config = zhang_plant(load_friction=0.05)
-    runs = drive_all(plan(LOADED, FACTS), PlantBench(config=config))
+    friction = ActiveEffect(LOAD_FRICTION.effect, (0.05, FACTS.ratio))
+    runs = drive_all(plan(LOADED, FACTS), PlantBench(effects=(friction,)))
     return [driven for run, driven in runs if not run.set_up]
 
 

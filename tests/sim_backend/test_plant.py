@@ -14,6 +14,7 @@ from sim_backend.model.friction import play
 from sim_backend.model.parameters import HarmonicDrive, PlantConfig
 from sim_backend.plant import Plant, PlantTruth
 from sim_backend.ports import AxisMode, PlantPort
+from tests.sim_backend import small_effects as fx
 
 DRIVE = HarmonicDrive.from_catalogue(
     100.0, K1=8.4e3, K2=9.4e3, T1=3.9, T2=12.0, hysteresis_loss=1.8e-4, starting_torque=0.012, viscous_friction=1e-4
@@ -127,7 +128,7 @@ def test_a_load_in_a_free_run_adds_its_share_to_the_motor_torque():
 
 
 def test_friction_that_grows_with_load_shows_in_a_loaded_free_run():
-    plant = Plant(dataclasses.replace(SILENT, drive=dataclasses.replace(DRIVE, load_friction=0.1)))
+    plant = Plant(SILENT, (fx.LOAD_FRICTION,))
     plant.command("motor", AxisMode.VELOCITY, 50.0)
     plant.command("load", AxisMode.TORQUE, 4.0)
     plant.advance_to(1.0)
@@ -208,6 +209,201 @@ def test_gravity_shows_in_the_motor_torque_and_not_at_the_transducer_outside_the
     expected = -0.5 * np.sin(rows.output_position + 0.2) / 100.0 + 0.012 + 1e-4 * 200.0
     assert np.all(rows.output_torque == 0.0)
     assert rows.motor_torque == pytest.approx(expected, abs=2e-5)
+
+
+# ---- effects of every kind
+
+
+@pytest.mark.parametrize("name", fx.SERIES)
+def test_what_lies_in_series_with_the_flexspline_adds_its_angle_at_the_same_torque(name):
+    """f(T) + e(T) = windup, wherever the bench has come to rest."""
+    plant = Plant(SILENT, (fx.SERIES[name],))
+    plant.set_lock(True)
+    rows = follow(plant, 2.4, motor=triangle(0.12, 2.0))
+    plant.command("motor", AxisMode.POSITION, rows.motor_position[-1])
+    plant.advance_to(4.0)
+    now = plant.truth()
+    signals = {
+        "output_torque": now.flexspline_torque,
+        "motor_position": now.motor_position,
+        "temperature": 25.0,
+        "flexspline_torsion": float(flexspline_torsion(now.flexspline_torque, DRIVE.K_F0, DRIVE.C_F)),
+        "locked": 1.0,
+    }
+    windup = now.output_position - now.rim_position
+    added = windup - signals["flexspline_torsion"]
+    assert abs(now.flexspline_torque) > 3.0
+    effect, values = fx.SERIES[name].effect, fx.SERIES[name].values
+    if name == "slider":
+        # pushed to one end of its play, but for a last swing of the shaft
+        assert abs(added / values[0] - now.flexspline_torque) == pytest.approx(values[1], rel=5e-3)
+        return
+    if name == "creeping":
+        # at rest for 300 of its time constants
+        assert added == pytest.approx(values[0] * now.flexspline_torque, rel=1e-4)
+        return
+    # the rest of the damper's torque and the accuracy of the solution, 1e-7 N*m times 1e-4 rad/(N*m)
+    assert added == pytest.approx(effect.function(*(signals[n] for n in effect.signals), *values), abs=1e-10)
+
+
+def test_a_slider_in_series_makes_its_own_loop_of_torque_and_torsion():
+    plant = Plant(SILENT, (fx.SERIES["slider"],))
+    plant.set_lock(True)
+    rows = follow(plant, 25.0, motor=triangle(0.172, 20.0))
+    torsion = rows.output_position + rows.motor_position / 100.0
+    model = flexspline_torsion(rows.output_torque, DRIVE.K_F0, DRIVE.C_F)
+    model += wave_generator_torsion(rows.motor_torque, DRIVE.K_w0, DRIVE.C_w) / 100.0
+    loop = 1e-5 * play(rows.output_torque, 2.0)
+    assert np.ptp(loop) > 2e-4
+    # the base laws themselves hold within half a microradian at a quarter of this rate
+    assert rms(torsion - model - loop) < 1e-6
+
+
+def test_a_spring_whose_stiffness_turns_with_the_motor_reacts_on_it():
+    plant = Plant(SILENT, (fx.SERIES["modulated-spring"],))
+    plant.command("motor", AxisMode.VELOCITY, 1.0)
+    plant.command("load", AxisMode.TORQUE, 10.0)
+    plant.advance_to(1.0)
+    rows = follow(plant, 6.3)
+    ripple = rows.motor_torque - (0.1 + 0.012 + 1e-4)
+    # the torque on the motor is the derivative of the coenergy 0.5 * 2e-5 * T^2 * sin(3 theta)
+    expected = -0.5 * 2e-5 * 3.0 * 10.0**2 * np.cos(3.0 * rows.motor_position)
+    assert rms(ripple - expected) < 0.03 * rms(expected)
+
+
+def test_a_gap_at_the_motor_is_lost_motion_of_its_width_after_a_reversal():
+    plant = Plant(dataclasses.replace(SILENT, drive=dataclasses.replace(DRIVE, friction_torque=0.0)), (fx.GAP,))
+    lost = []
+    for speed in (1.0, -1.0):
+        plant.command("motor", AxisMode.VELOCITY, speed)
+        plant.advance_to(plant.time + 1.0)
+        now = plant.truth()
+        lost.append(now.output_position + now.motor_position / 100.0)
+    viscous = 2.0 * float(wave_generator_torsion(1e-4, DRIVE.K_w0, DRIVE.C_w)) / 100.0
+    assert lost[0] - lost[1] == pytest.approx(2 * 2e-3 / 100.0 + viscous, rel=1e-3)
+
+
+def test_friction_at_rest_must_be_overcome_before_the_mesh_slides():
+    plant = Plant(SILENT, (fx.REST_FRICTION,))
+    follow(plant, 3.0, motor=lambda t: min(0.01 * t, 0.019))
+    assert plant.truth().rim_position == 0.0
+    follow(plant, 2.0, motor=lambda t: 0.021)
+    # 8 mN*m less once it turns much faster than 5 rad/s
+    assert plant.truth().motor_velocity == pytest.approx((0.021 - 0.012) / 1e-4, rel=0.05)
+
+
+@pytest.mark.parametrize("speed", [20.0, 300.0])
+def test_an_effect_may_take_a_share_of_dry_and_viscous_friction(speed):
+    """Warm grease: half of the friction is gone, also where the viscous part is larger than the dry one."""
+    plant = Plant(SILENT, (fx.FRICTION_SHARE,))
+    plant.command("motor", AxisMode.VELOCITY, speed)
+    plant.advance_to(1.0)
+    assert plant.truth().motor_torque == pytest.approx(0.5 * (0.012 + 1e-4 * speed), rel=1e-6)
+
+
+def test_effects_cannot_make_friction_drive():
+    plant = Plant(SILENT, (ActiveEffect(fx.REST_FRICTION.effect, (-1.0, 1e6)),))
+    plant.command("motor", AxisMode.VELOCITY, 50.0)
+    rows = follow(plant, 1.0)
+    # the share that is taken is that of the speed of the step before
+    assert np.min(np.diff(rows.heat)) > -1e-5 * rows.work[-1]
+    assert abs(rows.motor_torque[-1]) < 1e-6
+
+
+def test_an_effect_with_memory_starts_at_rest_and_remembers_across_calls():
+    plant = Plant(SILENT, (fx.SLOW_PULL,))
+    plant.command("load", AxisMode.TORQUE, 0.5)
+    plant.command("motor", AxisMode.POSITION, 0.0)
+    pulls = []
+    for k in range(1, 301):
+        plant.advance_to(k * 1e-3)
+        pulls.append(plant.truth().output_torque - plant.truth().flexspline_torque)
+    settled = 0.05 * 0.5 * (1.0 - math.exp(-0.3 / 0.1))
+    assert pulls[-1] == pytest.approx(settled, rel=0.01)
+
+
+# ---- effects in the readings
+
+
+def settled_reading(effect: ActiveEffect, motor: tuple[AxisMode, float], load: float = 0.0, locked: bool = False):
+    plant = Plant(SILENT, (effect,))
+    plant.set_lock(locked)
+    plant.command("motor", *motor)
+    plant.command("load", AxisMode.TORQUE, load)
+    plant.advance_to(0.5)
+    return plant.read(), plant.truth()
+
+
+def test_the_position_loop_regulates_the_angle_that_it_reads():
+    reading, truth = settled_reading(fx.ECCENTRICITY, (AxisMode.POSITION, 1.0))
+    assert reading.motor_position == pytest.approx(1.0, abs=1e-5)
+    assert reading.motor_position - truth.motor_position == pytest.approx(4e-4 * math.sin(1.0), rel=1e-3)
+
+
+def test_the_speed_loop_smooths_the_speed_that_it_reads_and_not_the_true_one():
+    plant = Plant(SILENT, (fx.ECCENTRICITY,))
+    plant.command("motor", AxisMode.VELOCITY, 5.0)
+    plant.advance_to(1.0)
+    truths, read = [], []
+    for k in range(1300):
+        plant.advance_to(1.0 + k * 1e-3)
+        truths.append(plant.truth())
+        read.append(plant.read().motor_velocity)
+    rows = np.rec.fromrecords(truths, names=PlantTruth._fields)
+    assert np.ptp(read) < 0.1 * 2 * 5.0 * 4e-4
+    true = 5.0 - 5.0 * 4e-4 * np.cos(rows.motor_position)
+    assert rms(rows.motor_velocity - true) < 0.1 * rms(true - 5.0)
+
+
+def test_the_current_loop_regulates_the_torque_that_it_reads():
+    command = (AxisMode.TORQUE, 0.1)
+    reading, truth = settled_reading(fx.CURRENT_OFFSET, command, locked=True)
+    assert reading.motor_torque == pytest.approx(0.1, rel=1e-9)
+    assert truth.motor_torque == pytest.approx(0.1 - 2e-3, rel=1e-9)
+    reading, truth = settled_reading(fx.WRONG_CONSTANT, command, locked=True)
+    assert reading.motor_torque == pytest.approx(0.1, rel=1e-9)
+    assert truth.motor_torque == pytest.approx(0.1 / 1.1, rel=1e-9)
+    reading, truth = settled_reading(fx.SATURATION, command, locked=True)
+    current = 0.1 / 0.321
+    assert reading.motor_torque == pytest.approx(0.1, rel=1e-9)
+    assert truth.motor_torque == pytest.approx(0.321 * current * (1.0 - current**2), rel=1e-9)
+
+
+def test_a_motor_without_current_has_no_torque_whatever_its_drive_reads():
+    reading, truth = settled_reading(fx.CURRENT_OFFSET, (AxisMode.OFF, 0.0))
+    assert reading.motor_torque == pytest.approx(2e-3)
+    assert truth.motor_torque == truth.motor_position == 0.0
+
+
+def test_an_error_of_the_output_encoder_shows_in_both_its_outputs_and_moves_nothing():
+    reading, truth = settled_reading(fx.OUTPUT_ECCENTRICITY, (AxisMode.VELOCITY, 100.0))
+    error = 4e-4 * math.cos(truth.output_position)
+    assert reading.output_position == reading.load_position == pytest.approx(truth.output_position + error, abs=1e-15)
+    speed_error = -4e-4 * math.sin(truth.output_position) * truth.output_velocity
+    assert reading.load_velocity == pytest.approx(truth.output_velocity + speed_error, abs=1e-7)
+    plant = Plant(SILENT)
+    plant.command("motor", AxisMode.VELOCITY, 100.0)
+    plant.advance_to(0.5)
+    assert plant.truth() == truth
+
+
+def test_errors_of_the_torque_sensor_are_those_of_the_moment_of_reading():
+    for effect, wrong in ((fx.TORQUE_OFFSET, 0.1), (fx.TORQUE_GAIN, 0.02 * 3.0)):
+        reading, truth = settled_reading(effect, (AxisMode.POSITION, 0.0), load=3.0)
+        assert truth.output_torque == pytest.approx(3.0)
+        assert reading.output_torque == pytest.approx(3.0 + wrong, rel=1e-9)
+        assert reading.load_torque == pytest.approx(3.0)
+
+
+def test_a_torque_sensor_that_lags_shows_a_ramp_late():
+    plant = Plant(SILENT, (fx.TORQUE_LAG,))
+    plant.command("motor", AxisMode.POSITION, 0.0)
+    for k in range(500):
+        plant.command("load", AxisMode.TORQUE, 4.0 * k * 1e-3)
+        plant.advance_to((k + 1) * 1e-3)
+    # the ramp is a staircase, read at the end of a stair of 1 ms: it comes half a stair less late
+    late = plant.truth().output_torque - plant.read().output_torque
+    assert late == pytest.approx(4.0 * (5e-3 - 0.5e-3), rel=0.03)
 
 
 # ---- against an independent integration
@@ -300,12 +496,29 @@ def scenario(name: str, plant: Plant) -> np.ndarray:
     return follow(plant, 1.0, motor=triangle(0.03, 0.2), load=triangle(5.0, 0.13))
 
 
-@pytest.mark.parametrize("effects", [(), (KINEMATIC_ERROR, COGGING, GRAVITY)], ids=["base", "effects"])
+EVERY_KIND = (
+    KINEMATIC_ERROR,
+    COGGING,
+    GRAVITY,
+    *fx.SERIES.values(),
+    fx.GAP,
+    fx.LOAD_FRICTION,
+    fx.REST_FRICTION,
+    fx.RIPPLE,
+    fx.SLOW_PULL,
+    fx.ECCENTRICITY,
+    fx.WRONG_CONSTANT,
+)
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [(), (KINEMATIC_ERROR, COGGING, GRAVITY), (fx.LOAD_FRICTION,), EVERY_KIND],
+    ids=["base", "effects", "load-friction", "every-kind"],
+)
 @pytest.mark.parametrize("name", ["free-run", "locked-output", "backdrive", "both-driven"])
-@pytest.mark.parametrize("load_friction", [0.0, 0.1])
-def test_the_energy_balance_closes_within_1e_4_of_the_work_put_in(name, effects, load_friction):
-    config = dataclasses.replace(SILENT, drive=dataclasses.replace(DRIVE, load_friction=load_friction))
-    rows = scenario(name, Plant(config, effects))
+def test_the_energy_balance_closes_within_1e_4_of_the_work_put_in(name, effects):
+    rows = scenario(name, Plant(SILENT, effects))
     balance = rows.work - rows.heat - rows.effect_work - rows.stored
     balance -= balance[0]
     assert np.all(np.diff(rows.heat) >= 0.0)
@@ -456,8 +669,9 @@ def test_the_plant_is_a_plant_port():
     assert port.time == pytest.approx(1e-3)
 
 
-def test_many_small_advances_equal_one_large_one_to_the_last_bit():
-    plants = [Plant(CONFIG, (KINEMATIC_ERROR,)), Plant(CONFIG, (KINEMATIC_ERROR,))]
+@pytest.mark.parametrize("effects", [(KINEMATIC_ERROR,), EVERY_KIND], ids=["one", "every-kind"])
+def test_many_small_advances_equal_one_large_one_to_the_last_bit(effects):
+    plants = [Plant(CONFIG, effects), Plant(CONFIG, effects)]
     for plant in plants:
         plant.command("motor", AxisMode.VELOCITY, 30.0)
     plants[0].advance_to(0.1)
@@ -470,8 +684,8 @@ def test_compiled_and_plain_python_agree():
     final = []
     for compiled in (True, False):
         plant = Plant(
-            dataclasses.replace(SILENT, rotor_friction=1e-3, drive=dataclasses.replace(DRIVE, load_friction=0.1)),
-            (KINEMATIC_ERROR, COGGING, GRAVITY),
+            dataclasses.replace(SILENT, rotor_friction=1e-3),
+            EVERY_KIND,
             compiled=compiled,
         )
         plant.command("motor", AxisMode.VELOCITY, 20.0)

@@ -19,14 +19,14 @@ def cogging(motor_position: float, amplitude: float, order: float, phase: float)
 EFFECT = Effect(
     id="cogging",
     summary="motor torque periodic in the rotor angle, the same in both directions",
-    equation="motor_torque += amplitude * sin(order * motor_position + phase)",
+    equation="motor balance += amplitude * sin(order * motor_position + phase)",
     source="permanent-magnet motor literature",
     enters=Enters.MOTOR_BALANCE,
     variable="motor_position",
     shape=Shape.PERIODIC,
     unit="N*m",
     parameters=(
-        Parameter("amplitude", "N*m", 0.0, 1.0, 3e-3, "half of the peak-to-peak torque"),
+        Parameter("amplitude", "N*m", 0.0, 1e3, 3e-3, "half of the peak-to-peak torque"),
         Parameter("order", "1/rev", 0.0, 1e4, 84.0, "cycles per motor turn"),
         Parameter("phase", "rad", -2 * math.pi, 2 * math.pi, 0.0, "phase at motor_position = 0"),
     ),
@@ -40,6 +40,7 @@ EFFECT = Effect(
         "kinematic-error",
         "stribeck-friction",
         "current-sensor-offset",
+        "gravity-load",
     ),
     separated_by="both directions (half-sum and half-difference); a ladder of currents at the same angles",
 )

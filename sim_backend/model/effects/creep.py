@@ -54,6 +54,7 @@ EFFECT = Effect(
         "torque-sensor-drift",
         "thermal-expansion",
         "temperature-dependent-stiffness",
+        "viscous-friction",
     ),
     separated_by="step and hold for five time constants; a dead weight held on the torque sensor alone",
     memory=3,

@@ -15,7 +15,7 @@ def fixture_compliance(output_torque: float, locked: float, amplitude: float) ->
 
 EFFECT = Effect(
     id="fixture-compliance",
-    summary="lock yields unseen",
+    summary="lock yields, and the reading of the output does not see it",
     equation="torsion += amplitude * output_torque * locked",
     source="statics",
     enters=Enters.TORSION,

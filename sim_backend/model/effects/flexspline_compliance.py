@@ -52,6 +52,7 @@ EFFECT = Effect(
         "stiffness-modulation",
         "torque-sensor-nonlinearity",
         "torque-constant-saturation",
+        "load-dependent-friction",
     ),
     separated_by="dead weights on a lever and a gauge on the fixture for its size; 8 to 16 start angles for its shape",
     linear=False,

@@ -37,6 +37,7 @@ EFFECT = Effect(
         "torque-sensor-offset",
         "current-sensor-offset",
         "position-dependent-friction",
+        "cogging",
     ),
     separated_by="turn the bench about the axis, or fit a counterweight",
 )

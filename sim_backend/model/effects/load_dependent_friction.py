@@ -30,6 +30,12 @@ EFFECT = Effect(
     function=load_dependent_friction,
     energy=Energy.DISSIPATIVE,
     shows=("free-run", "backdrive", "locked-output"),
-    confusable=("torque-constant-error", "torque-sensor-gain", "torque-constant-saturation", "coulomb-friction"),
+    confusable=(
+        "torque-constant-error",
+        "torque-sensor-gain",
+        "torque-constant-saturation",
+        "coulomb-friction",
+        "flexspline-compliance",
+    ),
     separated_by="a ladder of loads at one speed, in both directions",
 )

@@ -33,7 +33,8 @@ def structural_resonance(
 EFFECT = Effect(
     id="structural-resonance",
     summary="frame, torque cell or lever ring after a reversal",
-    equation="output_position reads x more, x'' + 2 damping w x' + w^2 x = amplitude * w * output_torque''",
+    equation="output_position reads x more, "
+    "x'' + 2 damping w x' + w^2 x = amplitude * w * output_torque'', w = 2 pi frequency",
     source="linear vibration of one mode",
     enters=Enters.READING,
     variable="time",

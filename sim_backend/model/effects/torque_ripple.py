@@ -19,7 +19,7 @@ def torque_ripple(motor_torque: float, motor_position: float, amplitude: float, 
 EFFECT = Effect(
     id="torque-ripple",
     summary="torque constant periodic in the rotor angle",
-    equation="motor_torque += amplitude * motor_torque * sin(order * motor_position + phase)",
+    equation="motor balance += amplitude * motor_torque * sin(order * motor_position + phase)",
     source="permanent-magnet motor literature",
     enters=Enters.MOTOR_BALANCE,
     variable="motor_position",

@@ -41,6 +41,7 @@ EFFECT = Effect(
         "rate-dependent-hysteresis",
         "channel-delay",
         "torque-sensor-lag",
+        "creep",
     ),
     separated_by="a ladder of speeds in both directions, at one temperature",
 )

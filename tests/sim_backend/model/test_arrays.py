@@ -90,5 +90,5 @@ def test_the_slope_of_an_effect_with_memory_is_that_after_its_own_step():
 
 @pytest.mark.parametrize("step", [None, 0.0, -1.0, np.nan])
 def test_an_effect_with_memory_must_know_the_time_between_samples(step):
-    with pytest.raises(ModelError, match=r"lag remembers: step = .* s"):
+    with pytest.raises(ModelError, match=r"lag remembers and needs the step .* step = .* s"):
         evaluate(REMEMBERING, {"output_torque": ANGLE}, (1.0, 0.1), step=step)

@@ -11,14 +11,16 @@ import numpy as np
 import pytest
 
 from sim_backend.errors import ModelError
-from sim_backend.model import compiler
+from sim_backend.model import compiler, stepper
 from sim_backend.model.compiler import cache_folder, load
+from sim_backend.model.constants import derive
 from sim_backend.model.effects import CATALOGUE, ActiveEffect, Effect, Enters
 from sim_backend.model.kernel import kernel_source, plant_kernel
+from sim_backend.model.parameters import PlantConfig
 from sim_backend.model.source import function_source
+from tests.sim_backend.model.test_parameters import DRIVE
 
 OUTSIDE = 2.0
-SIGNALS = (0.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 25.0, 25.0)
 
 
 @pytest.fixture
@@ -30,7 +32,9 @@ def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def write_and_import(path: Path, factor: float) -> ModuleType:
     """A module as an editor leaves it: same name, other text."""
-    path.write_text(f"def pull(motor_position, amplitude):\n    return {factor!r} * amplitude * motor_position\n")
+    path.write_text(
+        f"def pull(motor_position, amplitude):\n    return {factor!r} * amplitude * (motor_position + 0.3)\n"
+    )
     importlib.invalidate_caches()
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None
@@ -58,7 +62,9 @@ def effect_of(function) -> Effect:
 
 def motor_effect(module: ModuleType) -> float:
     kernel = plant_kernel([ActiveEffect(effect_of(module.pull), (0.5,))])
-    return kernel.motor_effects(*SIGNALS, kernel.effect_parameters)
+    state, inputs = np.zeros(kernel.state_size), np.zeros(stepper.INPUT_SIZE)
+    kernel.start(state, inputs, np.array(derive(PlantConfig(DRIVE))), kernel.effect_parameters)
+    return float(state[stepper.MOTOR_EFFECTS])
 
 
 def test_an_edited_effect_changes_the_kernel_and_the_old_text_brings_the_old_value_back(tmp_path, own_cache):
@@ -136,11 +142,30 @@ def test_an_effect_on_a_signal_that_the_plant_does_not_have_is_refused():
         kernel_source([effect_of(pull)])
 
 
-def test_an_effect_on_a_reading_is_refused_by_the_plant():
+def test_an_effect_on_a_reading_that_the_plant_has_not_is_refused():
     cogging = CATALOGUE["cogging"]
     fields = {name: getattr(cogging, name) for name in cogging.__dataclass_fields__}
-    with pytest.raises(ModelError, match="cogging enters the reading, which the plant cannot simulate"):
+    with pytest.raises(ModelError, match=r"cogging changes the reading of nothing; .* motor_position, motor_torque"):
         kernel_source([Effect(**{**fields, "enters": Enters.READING})])
+    with pytest.raises(ModelError, match="cogging changes the reading of temperature"):
+        kernel_source([Effect(**{**fields, "enters": Enters.READING, "reads": "temperature"})])
+
+
+def test_a_base_term_is_not_an_active_effect():
+    cogging = CATALOGUE["cogging"]
+    fields = {name: getattr(cogging, name) for name in cogging.__dataclass_fields__}
+    with pytest.raises(ModelError, match="cogging is a term of the base model: the plant has it always"):
+        kernel_source([Effect(**{**fields, "enters": Enters.BASE})])
+
+
+def test_friction_does_not_know_the_torsion_that_it_holds():
+    def pull(flexspline_torsion, amplitude):
+        return amplitude * flexspline_torsion
+
+    effect = effect_of(pull)
+    fields = {name: getattr(effect, name) for name in effect.__dataclass_fields__}
+    with pytest.raises(ModelError, match=r"pull takes flexspline_torsion, which .* enters the friction"):
+        kernel_source([Effect(**{**fields, "enters": Enters.FRICTION})])
 
 
 def test_the_generated_source_contains_every_active_effect_once():
@@ -148,4 +173,5 @@ def test_the_generated_source_contains_every_active_effect_once():
     source = kernel_source(effects)
     for number in range(len(effects)):
         assert source.count(f"def effect_{number}(") == 1
-    assert np.all([f"effect_parameters[{k}]" in source for k in range(8)])
+    count = sum(len(effect.parameters) for effect in CATALOGUE.values())
+    assert np.all([f"effect_parameters[{k}]" in source for k in range(count)])

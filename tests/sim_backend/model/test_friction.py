@@ -6,24 +6,47 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_backend.errors import ModelError
-from sim_backend.model.friction import play
+from sim_backend.model.friction import backdriving_torque, play
+
+TRIANGLE = 14.0 * np.interp(np.linspace(0.0, 2.0, 4001) % 1.0, [0.0, 0.25, 0.75, 1.0], [0.0, 1.0, -1.0, 0.0])
 
 
-def backdrive_torque(output_torque: np.ndarray, ratio: float, T_fb: float) -> np.ndarray:
-    """Equation (36) with sign and inequality corrected, branch by branch."""
+def test_backdriving_follows_the_corrected_equation_sample_by_sample():
+    T_w = backdriving_torque(TRIANGLE, 100.0, 2.0)
+    assert play(-TRIANGLE / 100.0, 0.02) == pytest.approx(T_w, abs=1e-15)
+
+
+@given(st.lists(st.floats(-20.0, 20.0), min_size=1, max_size=50), st.floats(0.0, 5.0), st.floats(-0.2, 0.2))
+def test_the_logic_of_36_is_the_play_operator_for_every_history(torque, friction, start):
+    T_F = np.array(torque)
+    expected = play(-T_F / 100.0, friction / 100.0, start)
+    assert backdriving_torque(T_F, 100.0, friction, start) == pytest.approx(expected, abs=1e-14)
+
+
+def printed_36(output_torque, ratio, T_fb, *, sign, inequality):
+    """Equation (36); `sign`, `inequality`: the second line corrected in that respect."""
     T_w, out = 0.0, []
     for T_F in output_torque:
+        second = T_F + ratio * T_w if sign else T_F - ratio * T_w
         if T_F + ratio * T_w > T_fb:
             T_w = -(T_F - T_fb) / ratio
-        elif T_F + ratio * T_w < -T_fb:
+        elif second < -T_fb if inequality else second > -T_fb:
             T_w = -(T_F + T_fb) / ratio
         out.append(T_w)
     return np.array(out)
 
 
-def test_backdriving_follows_the_corrected_equation_sample_by_sample():
-    triangle = 14.0 * np.interp(np.linspace(0.0, 3.0, 4001) % 1.0, [0.0, 0.25, 0.75, 1.0], [0.0, 1.0, -1.0, 0.0])
-    assert play(-triangle / 100.0, 0.02) == pytest.approx(backdrive_torque(triangle, 100.0, 2.0), abs=1e-15)
+@pytest.mark.parametrize(
+    ("sign", "inequality", "rms"), [(False, False, 0.059), (True, False, 0.174), (False, True, 0.141)]
+)
+def test_the_logic_of_36_as_printed_or_half_corrected_is_no_friction(sign, inequality, rms):
+    # PHYSICS 5.1: rms in T_w over two triangles of 14 N*m
+    wrong = printed_36(TRIANGLE, 100.0, 2.0, sign=sign, inequality=inequality)
+    difference = wrong - backdriving_torque(TRIANGLE, 100.0, 2.0)
+    assert np.sqrt(np.mean(difference**2)) == pytest.approx(rms, rel=0.01)
+    assert np.array_equal(
+        printed_36(TRIANGLE, 100.0, 2.0, sign=True, inequality=True), backdriving_torque(TRIANGLE, 100.0, 2.0)
+    )
 
 
 def test_a_locked_sweep_dissipates_four_radii_times_the_travel():
@@ -55,6 +78,12 @@ def test_without_a_start_the_drive_comes_from_rest_without_torque():
 def test_a_radius_that_cannot_be_is_refused(radius):
     with pytest.raises(ModelError, match="radius"):
         play(np.zeros(3), radius)
+
+
+@pytest.mark.parametrize("friction", [-1.0, float("nan"), float("inf")])
+def test_a_backdriving_torque_that_cannot_be_is_refused(friction):
+    with pytest.raises(ModelError, match="friction"):
+        backdriving_torque(np.zeros(3), 100.0, friction)
 
 
 def test_more_than_one_series_is_refused():

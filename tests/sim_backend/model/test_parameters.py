@@ -74,11 +74,6 @@ def test_a_drive_refuses_what_is_not_physical(name, value):
         dataclasses.replace(DRIVE, **{name: value})
 
 
-def test_friction_that_outgrows_its_load_is_refused():
-    with pytest.raises(ModelError, match=r"load_friction = 1.0 .* below 1"):
-        dataclasses.replace(DRIVE, load_friction=1.0)
-
-
 @pytest.mark.parametrize(
     "name", [f.name for f in dataclasses.fields(PlantConfig) if f.name not in ("drive", "rotation")]
 )

@@ -1,0 +1,73 @@
+"""One item of a paper: what it printed, what comes out here, and the figures and tables that show it."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from matplotlib.figure import Figure
+
+T = TypeVar("T")
+
+Value = float | str | None
+"""A number in SI units, a word where there is no number, None where nothing was printed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One quantity. `printed` is the paper's figure, `obtained` is always computed here; `note` says why they differ.
+
+    item: the part of the paper where it is printed, such as "eq. (31)"; empty for the item's own.
+    """
+
+    quantity: str
+    printed: Value
+    obtained: Value
+    unit: str = ""
+    note: str = ""
+    item: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """A table of numbers with two headings, for example plants in rows and models in columns; every cell is text."""
+
+    title: str
+    headings: tuple[str, ...]
+    cells: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What an item gives: rows, figures by the end of their file name ("" for the item's only one), and tables."""
+
+    rows: tuple[Row, ...] = ()
+    figures: Mapping[str, Figure] = field(default_factory=dict)
+    grids: tuple[Grid, ...] = ()
+
+
+class Workbench:
+    """What items work with: whether to be quick, a folder for logs, and results which several items share."""
+
+    def __init__(self, folder: Path, *, quick: bool = False, tell: Callable[[str], None] = lambda _: None) -> None:
+        self.folder = folder
+        self.quick = quick
+        """Take a reduced version of whatever takes long; figures obtained this way are coarser."""
+        self.tell = tell
+        self._shared: dict[Callable[[Any], object], object] = {}
+
+    def share(self, work: Callable[["Workbench"], T]) -> T:
+        """Give what `work` gives for this workbench; it is done once, however many items ask for it."""
+        if work not in self._shared:
+            self._shared[work] = work(self)
+        return self._shared[work]  # type: ignore[return-value]  # stored under the function that gave it
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """One item. paper: its short name; what: "Fig. 12", "eq. (31)-(35)", "table 1"; `run` computes it."""
+
+    paper: str
+    what: str
+    title: str
+    run: Callable[[Workbench], Outcome]

@@ -1,0 +1,72 @@
+"""Brushed DC motor on a supply of constant voltage.
+
+    L di/dt = V - R i - k_e omega_m,   tau_m = k_t i,   k_t = k_e in SI
+
+Speeds per voltage: Castejon, Garcia-Prada & Lara 2009, table 2. Resistance and inductance are not printed.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from sim_backend.errors import ModelError
+from sim_backend.model.checks import require
+
+RPM = 2.0 * math.pi / 60.0
+"""rad/s."""
+
+TABLE_2 = ((6.5, 310.0 * RPM), (12.0, 560.0 * RPM), (18.0, 840.0 * RPM), (24.0, 1120.0 * RPM))
+"""Supply voltage (V) and motor speed (rad/s) as printed."""
+
+CHOSEN_RESISTANCE = 1.0
+"""ohm; not printed. A motor for 24 V and 1120 rpm, with 24 A at standstill."""
+
+CHOSEN_INDUCTANCE = 1e-3
+"""H; not printed. The current then follows within 1 ms, ten times faster than the speed."""
+
+
+@dataclass(frozen=True, slots=True)
+class DcMotor:
+    """Resistance ohm, inductance H, constant V*s/rad = N*m/A."""
+
+    resistance: float
+    inductance: float
+    constant: float
+
+    def __post_init__(self) -> None:
+        equation = "L di/dt = V - R i - k_e omega_m"
+        require("resistance", self.resistance, "ohm", equation, above=0.0)
+        require("inductance", self.inductance, "H", equation, above=0.0)
+        require("constant", self.constant, "V*s/rad", equation, above=0.0)
+
+
+def steady_speed(motor: DcMotor, voltage: float, drag: float) -> float:
+    """Give the speed at `voltage` (V) against a viscous `drag` (N*m*s/rad at the motor), rad/s."""
+    return voltage / (motor.constant + motor.resistance * drag / motor.constant)
+
+
+def voltage_for(motor: DcMotor, speed: float, drag: float) -> float:
+    """Give the voltage at which the motor turns with `speed` (rad/s) against `drag` (N*m*s/rad), V."""
+    return speed * (motor.constant + motor.resistance * drag / motor.constant)
+
+
+def motor_from_speeds(
+    rows: Sequence[tuple[float, float]],
+    drag: float,
+    resistance: float = CHOSEN_RESISTANCE,
+    inductance: float = CHOSEN_INDUCTANCE,
+) -> DcMotor:
+    """Give the motor whose steady speeds are those of `rows` (V, rad/s) by least squares, against `drag`.
+
+    The slope V/omega is k_e + R drag/k_e, so that k_e is a little less than the slope: the root of
+    k^2 - slope k + R drag = 0 next to it. Raises ModelError if the drag is too large for the slope.
+    """
+    slope = sum(voltage * speed for voltage, speed in rows) / sum(speed * speed for _, speed in rows)
+    rest = slope * slope - 4.0 * resistance * drag
+    if rest < 0.0:
+        raise ModelError(
+            f"drag = {drag!r} N*m*s/rad with resistance = {resistance!r} ohm: at most "
+            f"{slope**2 / 4.0 / resistance:.3g} N*m*s/rad leave a motor that turns 1 rad/s per {slope:.4g} V; "
+            f"k^2 - slope k + R drag = 0 needs it."
+        )
+    return DcMotor(resistance, inductance, 0.5 * (slope + math.sqrt(rest)))

@@ -1,0 +1,116 @@
+"""Ideal kinematics and torques of a harmonic drive, whatever member is held; Zhang, Ahmad & Liu 2014, (1)-(9).
+
+    theta_w = (N+1) theta_c - N theta_F          (1), for speeds (2)
+    T_w = T_c/(N+1) = -T_F/N                     (3)
+    T_w = -(T_F - T_Fr)/N                        (9), with the friction torque T_Fr of the circular spline held
+
+w: wave generator, c: circular spline, F: flexspline. Every configuration is (1) and (3) with one member held or two
+driven: circular spline held (4)-(6), the bench; flexspline held; wave generator held; differential. What the wave
+generator takes in leaves at the other two: T_w omega_w = T_c omega_c + T_F omega_F for every motion.
+"""
+
+from enum import StrEnum
+from typing import NamedTuple
+
+from sim_backend.errors import ModelError
+
+
+class Member(StrEnum):
+    """The three members of the drive."""
+
+    WAVE_GENERATOR = "wave-generator"
+    CIRCULAR_SPLINE = "circular-spline"
+    FLEXSPLINE = "flexspline"
+
+
+class Members(NamedTuple):
+    """One quantity of each member: angle rad, speed rad/s or torque N*m."""
+
+    wave_generator: float
+    circular_spline: float
+    flexspline: float
+
+
+def motion(
+    ratio: float,
+    *,
+    wave_generator: float | None = None,
+    circular_spline: float | None = None,
+    flexspline: float | None = None,
+) -> Members:
+    """Give the angles or speeds of all three members from those of any two; (1), (2).
+
+    A member that is held is given as 0. Raises ModelError unless exactly two are given or if `ratio` is below 1.
+    """
+    N = _ratio(ratio)
+    match wave_generator, circular_spline, flexspline:
+        case None, float() | int() as c, float() | int() as f:
+            return Members((N + 1.0) * c - N * f, c, f)
+        case float() | int() as w, None, float() | int() as f:
+            return Members(w, (w + N * f) / (N + 1.0), f)
+        case float() | int() as w, float() | int() as c, None:
+            return Members(w, c, ((N + 1.0) * c - w) / N)
+        case _:
+            raise ModelError("Equation (1) gives the third member from two: name exactly two of the three.")
+
+
+def torques(
+    ratio: float,
+    *,
+    wave_generator: float | None = None,
+    circular_spline: float | None = None,
+    flexspline: float | None = None,
+) -> Members:
+    """Give the torques of all three members from that of any one, N*m; (3).
+
+    Raises ModelError unless exactly one is given or if `ratio` is below 1.
+    """
+    N = _ratio(ratio)
+    match wave_generator, circular_spline, flexspline:
+        case float() | int() as w, None, None:
+            return Members(w, (N + 1.0) * w, -N * w)
+        case None, float() | int() as c, None:
+            return Members(c / (N + 1.0), c, -N * c / (N + 1.0))
+        case None, None, float() | int() as f:
+            return Members(-f / N, -(N + 1.0) * f / N, f)
+        case _:
+            raise ModelError("Equation (3) gives all torques from one: name exactly one of the three.")
+
+
+def speed_ratio(ratio: float, held: Member) -> float:
+    """Give the speed of the input over that of the output with one member held; negative: they turn opposed.
+
+    Circular spline held: wave generator over flexspline, -N. Flexspline held: wave generator over circular spline,
+    N+1. Wave generator held: flexspline over circular spline, (N+1)/N.
+    """
+    N = _ratio(ratio)
+    match held:
+        case Member.CIRCULAR_SPLINE:
+            return -N
+        case Member.FLEXSPLINE:
+            return N + 1.0
+        case Member.WAVE_GENERATOR:
+            return (N + 1.0) / N
+
+
+def power_surplus(torque: Members, speed: Members) -> float:
+    """Give T_w omega_w - T_c omega_c - T_F omega_F, W: zero for torques after (3) and speeds after (2)."""
+    return (
+        torque.wave_generator * speed.wave_generator
+        - torque.circular_spline * speed.circular_spline
+        - torque.flexspline * speed.flexspline
+    )
+
+
+def wave_generator_torque(ratio: float, flexspline: float, friction: float) -> float:
+    """Give the torque at the wave generator with the circular spline held, N*m; (9).
+
+    flexspline: torque at the output, N*m. friction: torque T_Fr of dry friction there, N*m, signed.
+    """
+    return -(flexspline - friction) / _ratio(ratio)
+
+
+def _ratio(ratio: float) -> float:
+    if not 1.0 <= ratio <= 1e9:
+        raise ModelError(f"ratio = {ratio!r} must be finite, at least 1 and at most 1e9 for equation (1).")
+    return float(ratio)

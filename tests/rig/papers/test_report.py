@@ -1,0 +1,87 @@
+"""The frame of `rig papers`: which items a name means, and what is written."""
+
+import json
+
+import pytest
+
+from drivers.errors import ConfigError
+from rig.papers.figures import label, new_figure
+from rig.papers.item import Grid, Item, Outcome, Row, Workbench
+from rig.papers.registry import ITEMS, choose, file_name
+from rig.papers.report import cells, run_items, to_json, to_markdown, write_report
+
+
+def empty(_):
+    return Outcome()
+
+
+SOME = (
+    Item("one2001", "Fig. 1", "", empty),
+    Item("one2001", "Fig. 12", "", empty),
+    Item("two2002", "eq. (31)-(35)", "", empty),
+)
+
+
+@pytest.mark.parametrize(
+    ("names", "meant"),
+    [
+        ([], [0, 1, 2]),
+        (["fig1"], [0]),
+        (["FIG. 12"], [1]),
+        (["fig"], [0, 1]),
+        (["two2002"], [2]),
+        (["two/eq31"], []),
+        (["two2002/eq31"], [2]),
+        (["eq", "fig12"], [1, 2]),
+    ],
+)
+def test_a_name_means_a_paper_or_an_item_or_how_one_begins(names, meant):
+    if not meant:
+        with pytest.raises(ConfigError):
+            choose(names, SOME)
+        return
+    assert choose(names, SOME) == tuple(SOME[i] for i in meant)
+
+
+@pytest.mark.parametrize("name", ["fig2", "", "--", "zhang"])
+def test_a_name_that_means_nothing_is_refused_with_what_there_is(name):
+    with pytest.raises(ConfigError, match="two2002/eq3135"):
+        choose([name], SOME)
+
+
+def test_every_item_has_a_name_and_a_file_of_its_own():
+    assert len({file_name(item) for item in ITEMS}) == len(ITEMS)
+    for item in ITEMS:
+        assert item in choose([f"{item.paper}/{item.what}"])
+
+
+def test_shared_work_is_done_once(tmp_path):
+    done = []
+
+    def work(bench):
+        done.append(bench)
+        return len(done)
+
+    bench = Workbench(tmp_path)
+    assert (bench.share(work), bench.share(work)) == (1, 1)
+    assert Workbench(tmp_path).share(work) == 2
+
+
+def test_figures_results_and_table_are_written(tmp_path):
+    def draw(_):
+        figure, (axes,) = new_figure("a")
+        axes.plot([0, 1], [0, 1], label="line")
+        label(axes, "x [s]", "y [rad]")
+        rows = (Row("width", 2.0, 1.23456789, "rad", "a | b"), Row("name", None, "found", item="eq. (7)"))
+        return Outcome(rows, {"": figure}, (Grid("Errors", ("plant", "rms"), (("arctan", "1"),)),))
+
+    (done,) = run_items([Item("one2001", "Fig. 1", "An example", draw)], Workbench(tmp_path))
+    results, table = write_report([done], tmp_path)
+    assert (tmp_path / "one2001-fig-1.png").stat().st_size > 1000
+    assert json.loads(results.read_text()) == json.loads(json.dumps(to_json([done])))
+    assert json.loads(results.read_text())["items"][0]["rows"][0]["obtained"] == 1.23456789
+    assert table.read_text() == to_markdown([done])
+    assert cells(done, done.outcome.rows[0]) == ("one2001", "Fig. 1", "width [rad]", "2", "1.235", "a | b")
+    assert cells(done, done.outcome.rows[1])[1:5] == ("eq. (7)", "name", "-", "found")
+    assert "a \\| b" in table.read_text()
+    assert "![An example](one2001-fig-1.png)" in table.read_text()

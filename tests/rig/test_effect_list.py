@@ -1,0 +1,96 @@
+"""`rig effects`: the catalogue as a person and as a program read it."""
+
+import json
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from rig.cli import app
+from sim_backend.model.effects import CATALOGUE, Enters
+
+
+def effects(*arguments: str, width: int = 80) -> Result:
+    return CliRunner(env={"COLUMNS": str(width)}).invoke(app, ["effects", *arguments])
+
+
+def test_everything_is_printed_within_80_columns():
+    answer = effects()
+    assert answer.exit_code == 0
+    assert max(len(line.rstrip()) for line in answer.stdout.splitlines()) <= 80
+    words = " ".join(answer.stdout.split())
+    for effect in CATALOGUE.values():
+        for text in (effect.id, effect.summary, effect.equation, effect.separated_by, ", ".join(effect.confusable)):
+            assert text in words, effect.id
+        for p in effect.parameters:
+            assert f"{p.name} {p.low:g} to {p.high:g}" in words
+            assert f"typically {p.typical:g}: {p.meaning}" in words
+
+
+def test_effects_stand_below_where_they_enter():
+    lines = [line.rstrip() for line in effects().stdout.splitlines()]
+    headings = [next(k for k, line in enumerate(lines) if line.startswith(f"{str(e).upper()}: ")) for e in Enters]
+    assert headings == sorted(headings)
+    for effect in CATALOGUE.values():
+        above = [e for e, k in zip(Enters, headings, strict=True) if k < lines.index(effect.id)]
+        assert above[-1] is effect.enters
+
+
+def test_a_name_gives_that_effect_alone_and_explains_what_its_equation_uses():
+    text = effects("creep", "soft-windup").stdout
+    assert "lag(u; tau):" in text
+    assert "play(u; r):" not in text
+    for other in CATALOGUE:
+        assert (f"\n{other}\n" in text) == (other in ("creep", "soft-windup")), other
+
+
+def test_what_is_not_fitted_is_marked():
+    words = " ".join(effects("backlash").stdout.split())
+    assert "gear ratio; given, not fitted" in words
+    assert "at the motor; given" not in words
+
+
+def test_json_holds_the_whole_entry():
+    records = json.loads(effects("--json").stdout)["effects"]
+    assert [record["id"] for record in records] == list(CATALOGUE)
+    for record in records:
+        effect = CATALOGUE[record["id"]]
+        assert record["enters"] == effect.enters
+        assert record["reads"] == (effect.reads or None)
+        for name in ("summary", "equation", "unit", "variable", "shape", "energy", "source", "separated_by"):
+            assert record[name] == getattr(effect, name)
+        for name in ("signals", "amplitudes", "shows", "confusable"):
+            assert record[name] == list(getattr(effect, name))
+        for given, p in zip(record["parameters"], effect.parameters, strict=True):
+            assert given == {
+                name: getattr(p, name) for name in ("name", "unit", "low", "high", "typical", "known", "meaning")
+            }
+
+
+def test_json_of_one_effect():
+    (record,) = json.loads(effects("cogging", "--json").stdout)["effects"]
+    assert record["id"] == "cogging"
+
+
+@pytest.mark.parametrize(
+    ("name", "near"),
+    [
+        ("creap", "did you mean creep?"),
+        ("Kinematic_Error", "did you mean kinematic-error?"),
+        ("eccentricity", "did you mean motor-encoder-eccentricity or output-encoder-eccentricity?"),
+        ("gravity", "did you mean gravity-load?"),
+        ("xyz", "unknown."),
+    ],
+)
+def test_an_unknown_name_is_wrong_use_and_those_near_to_it_are_told(name: str, near: str):
+    answer = effects("creep", name)
+    assert answer.exit_code == 2
+    assert answer.stdout == ""
+    assert f"NAME = '{name}': unknown" in answer.stderr
+    assert near in answer.stderr
+    assert "`rig effects` lists all of them" in answer.stderr
+
+
+def test_every_unknown_name_is_told_at_once():
+    answer = effects("creap", "cogg", "--json")
+    assert answer.exit_code == 2
+    assert [mistake["value"] for mistake in json.loads(answer.stdout)["error"]["mistakes"]] == ["'creap'", "'cogg'"]

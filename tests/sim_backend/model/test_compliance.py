@@ -1,0 +1,107 @@
+"""The three laws of the flexspline, (10), (11), (24), and the wave generator's (27): inverses, slopes, shape."""
+
+import numpy as np
+import pytest
+
+from sim_backend.errors import ModelError
+from sim_backend.model.compliance import (
+    LAWS,
+    Compliance,
+    cubic_torque,
+    flexspline_torque,
+    piecewise_stiffness,
+    piecewise_torsion,
+    total_torsion,
+    wave_generator_stiffness,
+    wave_generator_torque,
+    wave_generator_torsion,
+)
+from sim_backend.model.estimation import cubic_from_catalogue, flexspline_from_catalogue, wave_generator_from_tests
+
+K1, K2, K3, T1, T2 = 8.4e3, 9.4e3, 1.2e4, 3.9, 12.0
+"""SHD-17-100 as printed; K3 is not, it is chosen."""
+
+PARAMETERS = {
+    Compliance.ARCTAN: flexspline_from_catalogue(K1, K2, T1, T2),
+    Compliance.CUBIC: cubic_from_catalogue(K1, K2, T1, T2),
+    Compliance.PIECEWISE: (K1, K2, K3, T1, T2),
+}
+TORQUE = np.linspace(-24.0, 24.0, 4801)
+
+
+@pytest.fixture(params=list(Compliance))
+def law(request):
+    return LAWS[request.param], PARAMETERS[request.param]
+
+
+def test_every_law_can_be_chosen_by_its_name():
+    assert set(LAWS) == set(Compliance)
+    for name, law in LAWS.items():
+        assert len(law.parameters) == len(law.units) == len(PARAMETERS[name])
+
+
+def test_torque_and_torsion_are_each_other_s_inverse(law):
+    law, values = law
+    assert law.torque(law.torsion(TORQUE, *values), *values) == pytest.approx(TORQUE, abs=1e-10)
+
+
+def test_the_law_is_odd_and_rises(law):
+    law, values = law
+    torsion = law.torsion(TORQUE, *values)
+    assert law.torsion(-TORQUE, *values) == pytest.approx(-torsion, abs=1e-18)
+    assert np.all(np.diff(torsion) > 0.0)
+    assert law.torsion(np.array([0.0]), *values) == 0.0
+
+
+def test_the_stiffness_is_the_slope_of_the_law(law):
+    law, values = law
+    torque = np.array([-20.0, -8.0, -1.0, 0.5, 3.0, 7.95, 11.0, 20.0])  # away from the corners of the straight lines
+    slope = 2e-4 / (law.torsion(torque + 1e-4, *values) - law.torsion(torque - 1e-4, *values))
+    assert law.stiffness(torque, *values) == pytest.approx(slope, rel=1e-6)
+
+
+def test_every_law_has_the_catalogue_stiffness_in_the_middle_of_its_ranges(law):
+    law, values = law
+    assert law.stiffness(np.array([T1 / 2, (T1 + T2) / 2]), *values) == pytest.approx([K1, K2], rel=1e-12)
+
+
+def test_the_three_lines_pass_through_their_corners():
+    corners = piecewise_torsion(np.array([T1, T2, T2 + 4.0]), *PARAMETERS[Compliance.PIECEWISE])
+    expected = np.array([T1 / K1, T1 / K1 + (T2 - T1) / K2, T1 / K1 + (T2 - T1) / K2 + 4.0 / K3])
+    assert corners == pytest.approx(expected, rel=1e-14)
+    at_corners = piecewise_stiffness(np.array([T1, T1 + 1e-9, T2 - 1e-9, T2]), *PARAMETERS[Compliance.PIECEWISE])
+    assert at_corners.tolist() == [K1, K2, K2, K3]
+
+
+def test_the_cubic_is_solved_to_the_last_digits_also_for_a_small_curvature():
+    for a3 in (0.0, 1e-3, 1e9, 1e15):
+        torsion = np.array([1e-9, 1e-4, 2e-3, 0.1])
+        torque = cubic_torque(torsion, 8.3e3, a3)
+        assert LAWS[Compliance.CUBIC].torsion(torque, 8.3e3, a3) == pytest.approx(torsion, rel=1e-12)
+
+
+def test_a_torsion_that_no_torque_reaches_is_refused():
+    K_F0, C_F = PARAMETERS[Compliance.ARCTAN]
+    # PHYSICS 3.1: the arctan law ends at 4.20e-3 rad, the wave generator's at 9.0e-3 rad
+    assert flexspline_torque(np.array([4.19e-3]), K_F0, C_F) > 1000.0
+    with pytest.raises(ModelError, match=r"0\.0042 rad must be below 0\.00419"):
+        flexspline_torque(np.array([0.0, -4.2e-3]), K_F0, C_F)
+    K_w0, C_w = wave_generator_from_tests(100.0, 1.8e-4, 0.012)
+    with pytest.raises(ModelError, match=r"must be below 0\.009 rad"):
+        wave_generator_torque(np.array([9.0e-3 + 1e-12]), K_w0, C_w)
+
+
+def test_the_wave_generator_s_law_inverts_and_stiffens_as_25_says():
+    K_w0, C_w = wave_generator_from_tests(100.0, 1.8e-4, 0.012)
+    torque = np.linspace(-0.1, 0.1, 401)
+    torsion = wave_generator_torsion(torque, K_w0, C_w)
+    assert wave_generator_torque(torsion, K_w0, C_w) == pytest.approx(torque, abs=1e-12)
+    at = np.array([-0.05, -0.012, 0.012, 0.03])
+    slope = 2e-7 / (wave_generator_torsion(at + 1e-7, K_w0, C_w) - wave_generator_torsion(at - 1e-7, K_w0, C_w))
+    assert wave_generator_stiffness(at, K_w0, C_w) == pytest.approx(slope, rel=1e-5)
+
+
+def test_both_springs_add_up_to_the_torsion_of_the_drive():
+    drive = (100.0, *wave_generator_from_tests(100.0, 1.8e-4, 0.012))
+    # (28) with T_w negative: the motor drives; at full torque the wave generator's share is half the hysteresis loss
+    assert total_torsion(np.array([1.6641e-3]), np.array([-1.0]), *drive) == pytest.approx(1.6641e-3 + 9.0e-5)

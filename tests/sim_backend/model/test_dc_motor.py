@@ -1,0 +1,68 @@
+"""The DC motor: table 2, its own equations, and what is refused."""
+
+import math
+
+import pytest
+from scipy.integrate import solve_ivp
+
+from sim_backend.errors import ModelError
+from sim_backend.model.dc_motor import (
+    RPM,
+    TABLE_2,
+    DcMotor,
+    motor_from_speeds,
+    steady_speed,
+    voltage_for,
+)
+from sim_backend.model.driven import voltage_driven
+from sim_backend.model.fourier_error import FourierError
+from sim_backend.model.parameters import Rotation
+from sim_backend.model.transmission import hdc_40
+
+NO_ERROR = FourierError(0.0, (0.0,), (0.0,))
+
+
+@pytest.mark.parametrize("resistance", [0.1, 1.0, 10.0])
+def test_the_last_three_rows_of_table_2_are_met_whatever_the_resistance(resistance):
+    drag = hdc_40().drag
+    motor = motor_from_speeds(TABLE_2[1:], drag, resistance)
+    for voltage, speed in TABLE_2[1:]:
+        assert steady_speed(motor, voltage, drag) == pytest.approx(speed, rel=1e-12)
+    # 12 V / 560 rpm bounds the constant from above, the drag takes a little of it
+    assert motor.constant < 0.20463
+    assert motor.constant == pytest.approx(0.20463 - resistance * drag / 0.2046, abs=5e-4)
+
+
+def test_the_first_row_lies_off_that_line():
+    drag = hdc_40().drag
+    motor = motor_from_speeds(TABLE_2[1:], drag)
+    assert steady_speed(motor, 6.5, drag) / RPM == pytest.approx(303.3, abs=0.05)
+    assert voltage_for(motor, 310.0 * RPM, drag) == pytest.approx(6.643, abs=5e-4)
+
+
+@pytest.mark.parametrize("rotation", list(Rotation))
+def test_from_standstill_the_motor_reaches_its_steady_speed(rotation):
+    t = hdc_40(rotation)
+    motor = motor_from_speeds(TABLE_2[1:], t.drag)
+    rates = voltage_driven(t, NO_ERROR, motor, 12.0)
+    end = solve_ivp(rates, (0.0, 0.5), [0.0] * 5, method="LSODA", rtol=1e-8, atol=1e-10).y[:, -1]
+    assert end[1] == pytest.approx(560.0 * RPM, rel=1e-6)
+    # the start struck the load's mode, which dies out in seconds
+    assert end[3] == pytest.approx(560.0 * RPM / 50.0, rel=1e-3)
+    assert motor.constant * end[4] == pytest.approx(t.drag * end[1], rel=1e-3)
+
+
+def test_the_chosen_winding_follows_ten_times_faster_than_the_speed():
+    t = hdc_40()
+    motor = motor_from_speeds(TABLE_2[1:], t.drag)
+    mechanical = t.shaft_inertia * motor.resistance / motor.constant**2
+    assert mechanical / (motor.inductance / motor.resistance) == pytest.approx(10.8, abs=0.1)
+
+
+def test_a_motor_that_cannot_be_is_refused():
+    with pytest.raises(ModelError, match=r"resistance = 0.0 ohm is not possible.*L di/dt"):
+        DcMotor(0.0, 1e-3, 0.2)
+    with pytest.raises(ModelError, match="constant = nan"):
+        DcMotor(1.0, 1e-3, math.nan)
+    with pytest.raises(ModelError, match=r"drag = 1.0 N\*m\*s/rad with resistance = 1.0 ohm: at most 0.0105"):
+        motor_from_speeds(TABLE_2[1:], 1.0)
