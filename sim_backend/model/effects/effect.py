@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cache
 from types import MappingProxyType
 from typing import Protocol
 
@@ -143,8 +144,13 @@ class Effect:
     @property
     def signals(self) -> tuple[str, ...]:
         """Names of the signals which the function takes, in order."""
-        names = tuple(inspect.signature(self.function).parameters)
+        names = _arguments(self.function)
         return names[: len(names) - len(self.parameters) - (2 if self.memory else 0)]
+
+
+@cache
+def _arguments(function: Callable[..., float]) -> tuple[str, ...]:
+    return tuple(inspect.signature(function).parameters)
 
 
 @dataclass(frozen=True, slots=True)
