@@ -27,7 +27,12 @@ SMOOTHING = 0.02
 
 SIDE = 0.025
 PLAY_SIDE = 0.1
-"""s on either side over which torques are smoothed by straight lines before they enter a spring or a play."""
+LONG_SIDES = (0.3, 0.1)
+"""s on either side over which torques are smoothed by straight lines before they enter a spring or a play; a spring
+takes one of the long sides where nothing but noise is lost by it."""
+
+NOISE_ONLY = 1.5
+"""Times the noise that the shortest smoothing leaves up to which a longer one takes nothing but noise away."""
 
 SPEED_BAND = 0.08
 """A sample belongs to a leg if its speed is within this share of the leg's speed."""
@@ -154,7 +159,7 @@ def make_track(run: Run, dut: Dut) -> Track:
         output_torque, motor_torque = _alive(output_torque), _alive(motor_torque)
     turning = run.procedure in (ProcedureName.FREE_RUN, ProcedureName.BACKDRIVE)
     held = not turning and float(np.median(np.abs(speed))) < HELD_SPEED and motor_position is not None
-    window, play_window = round(SIDE / period), round(PLAY_SIDE / period)
+    play_window = round(PLAY_SIDE / period)
     return Track(
         name=run.name,
         procedure=run.procedure,
@@ -164,8 +169,8 @@ def make_track(run: Run, dut: Dut) -> Track:
         fine=1,
         motor_position=motor_position,
         output_position=output_position,
-        T=_over_turns(output_torque, leg_speed, period) if moves else _smooth(output_torque, window),
-        M=motor_torque if moves else _smooth(motor_torque, window),
+        T=_over_turns(output_torque, leg_speed, period) if moves else _smoothest(output_torque, period),
+        M=motor_torque if moves else _smoothest(motor_torque, period),
         play_load=_smooth(output_torque, play_window),
         play_drive=_smooth(motor_torque, play_window),
         output_torque=output_torque,
@@ -290,6 +295,23 @@ def _smooth(values: Floats | None, side: int) -> Floats | None:
     weight = np.array([0.25, 2.0, 0.25])[:, None] * np.exp(-0.5 * side * (scatter / least - 1.0))
     smoothed = (weight * np.stack([before[0], around[0], after[0]])).sum(axis=0) / weight.sum(axis=0)
     return np.asarray(smoothed) if n > 2 * side else values
+
+
+def _smoothest(values: Floats | None, period: float) -> Floats | None:
+    """Smooth a torque over the longest side that takes nothing but noise away.
+
+    Noise of a torque is in what it predicts; an effect that follows the torque less noisily would be found for it.
+    """
+    least = _smooth(values, round(SIDE / period))
+    if values is None or least is None or values.size < 2:
+        return least
+    averaged = 1.0 if least is values else 2.0 * round(SIDE / period) + 1.0
+    noise = float(np.sqrt(np.mean(np.diff(values) ** 2) / 2.0 / averaged))
+    for side in LONG_SIDES:
+        found = _smooth(values, round(side / period))
+        if found is not None and found is not values and np.sqrt(np.mean((found - least) ** 2)) <= NOISE_ONLY * noise:
+            return found
+    return least
 
 
 def _over_turns(values: Floats | None, leg_speed: Floats, period: float) -> Floats | None:
