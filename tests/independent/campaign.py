@@ -1,5 +1,6 @@
 """A campaign of bench logs drawn from a seed: contract CSV files with sidecars, and the truth beside them."""
 
+import itertools
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from tests.independent import bench
 from tests.independent.effects import Effects
-from tests.independent.instruments import Instruments, Truth, measure
+from tests.independent.instruments import Instruments, Truth, measure, true_motor_torque
 from tests.independent.laws import Drive, shd_17_100
 
 Floats = NDArray[np.float64]
@@ -27,6 +28,9 @@ DWELL = 5.0
 """s of rest at the start of every run."""
 
 NESTED_PEAKS = (0.0, 1.0, -1.0, 0.6, -0.6, 0.3, -0.3, 0.0)
+
+LOAD_STEP = 7.0
+"""s from one load torque of a free run to the next; the last second is the ramp."""
 
 DUT = """\
 name = "SHD-17-100"
@@ -55,6 +59,11 @@ class Plan:
     """How many runs of each kind; `*_pairs` of them are run twice under the same conditions, as replicates.
 
     `locked_angles` start angles are spread over one motor turn. Slow legs cover `output_turns` in both directions.
+    Sweeps go through `peaks` (of the drawn peak torque); run k takes the k-th of `torque_rates` (N*m/s; drawn where
+    empty) and rests for the k-th of `holds` (s) at every turning point at the peak, both in turn.
+    `further_legs`: lowest and highest speed (rad/s) and seconds of legs after the fast ones, both ways. The last
+    `loaded_free_runs` free runs go through the output torques `loads` (N*m) again and again.
+    `room`: degC at the start; `warm_up`: K by which a run would warm up in the end, with `warm_up_time` (s).
     """
 
     locked_angles: int = 8
@@ -68,6 +77,37 @@ class Plan:
     slow_speed: tuple[float, float] = (15.0, 25.0)
     fast_speed: tuple[float, float] = (60.0, 120.0)
     sine_share: float = 0.25
+    peaks: tuple[float, ...] = NESTED_PEAKS
+    torque_rates: tuple[float, ...] = ()
+    holds: tuple[float, ...] = ()
+    further_legs: tuple[tuple[float, float, float], ...] = ()
+    loaded_free_runs: int = 0
+    loads: tuple[float, ...] = ()
+    room: tuple[float, float] = (21.0, 29.0)
+    warm_up: tuple[float, float] = (0.0, 8.0)
+    warm_up_time: float = 300.0
+
+
+STANDARD = Plan(
+    locked_angles=8,
+    locked_pairs=2,
+    backdrives=6,
+    backdrive_pairs=1,
+    free_runs=3,
+    free_run_pairs=1,
+    sine_share=0.15,
+    peaks=(0.0, 1.0, 0.5, 1.0, -1.0, -0.5, -1.0, 0.6, -0.6, 0.3, -0.3, 0.1, -0.1, 0.0),
+    torque_rates=(3.0, 1.0, 5.5, 2.0, 10.0),
+    holds=(0.0, 25.0, 0.0),
+    further_legs=((2.0, 5.0, 25.0), (7.0, 11.0, 15.0)),
+    loaded_free_runs=1,
+    loads=(0.0, 6.0, -6.0, 11.0, -11.0),
+    room=(20.0, 38.0),
+    warm_up=(8.0, 30.0),
+    warm_up_time=150.0,
+)
+"""Rich enough to show every effect of the catalogue: rates over a decade, holds, minor loops, start angles, slow legs
+for the Stribeck range, loads while turning, a cold and a warm drive. At 200 samples a second below 600 000 samples."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,47 +186,62 @@ class Campaign:
         return Secret(self.seed, self.drive, self.effects, self.instruments)
 
     def locked_output_run(
-        self, name: str, seed: int, noise_seed: int, start_angle: float, replicate: str | None = None
+        self, name: str, seed: int, noise_seed: int, start_angle: float, replicate: str | None = None, number: int = 0
     ) -> Recording:
-        """Sweep the motor torque against the locked output: nested triangles, or sines; `seed` draws the sweep."""
-        peak, shape = self._sweep(np.random.default_rng(seed))
-        torque = shape * (peak / self.drive.ratio + self.drive.T_fs)
-        signals = bench.locked_output(torque, start_angle, self.drive, self.effects)
-        return self._recording(name, "locked-output", signals, seed, noise_seed, start_angle, replicate)
+        """Sweep the motor torque against the locked output: nested triangles, or sines; `seed` draws the sweep.
+
+        What is commanded is what the drive reads; what the motor gives may be another torque.
+        """
+        peak, shape = self._sweep(np.random.default_rng(seed), number)
+        commanded = shape * (peak / self.drive.ratio + self.drive.T_fs)
+        torque = true_motor_torque(commanded, self.effects, self.instruments.torque_constant)
+        around = self._conditions(torque.size, seed)
+        signals = bench.locked_output(torque, start_angle, self.drive, self.effects, around)
+        return self._recording(name, "locked-output", signals, around, noise_seed, start_angle, replicate)
 
     def backdrive_run(
-        self, name: str, seed: int, noise_seed: int, start_angle: float, replicate: str | None = None
+        self, name: str, seed: int, noise_seed: int, start_angle: float, replicate: str | None = None, number: int = 0
     ) -> Recording:
         """Sweep the torque on the output against the held wave generator; `seed` draws the sweep."""
-        peak, shape = self._sweep(np.random.default_rng(seed))
-        signals = bench.backdrive(shape * peak, start_angle, self.drive, self.effects)
-        return self._recording(name, "backdrive", signals, seed, noise_seed, start_angle, replicate)
+        peak, shape = self._sweep(np.random.default_rng(seed), number)
+        around = self._conditions(shape.size, seed)
+        signals = bench.backdrive(shape * peak, start_angle, self.drive, self.effects, around)
+        return self._recording(name, "backdrive", signals, around, noise_seed, start_angle, replicate)
 
     def free_run(
-        self, name: str, seed: int, noise_seed: int, start_angle: float, replicate: str | None = None
+        self, name: str, seed: int, noise_seed: int, start_angle: float, replicate: str | None = None, number: int = 0
     ) -> Recording:
-        """Turn the unloaded drive slowly, then fast, both ways; `seed` draws the speeds and the first direction."""
+        """Turn the drive slowly, then fast, both ways; `seed` draws the speeds and the first direction."""
         rng = np.random.default_rng(seed)
         slow, fast = float(rng.uniform(*self.plan.slow_speed)), float(rng.uniform(*self.plan.fast_speed))
         first = 1.0 if rng.random() < 0.5 else -1.0
         slow_time = self.plan.output_turns * 2.0 * math.pi * self.drive.ratio / slow
         legs = [(first * slow, slow_time), (-first * slow, slow_time), (first * fast, 8.0), (-first * fast, 8.0)]
+        for low, high, seconds in self.plan.further_legs:
+            speed = first * float(rng.uniform(low, high))
+            legs += [(speed, seconds), (-speed, seconds)]
         velocity = self._speed_profile(legs)
         position = start_angle + np.concatenate([[0.0], np.cumsum(velocity[1:] + velocity[:-1]) * 0.5 / self.rate])
-        signals = bench.free_run(position, velocity, self.drive, self.effects)
-        return self._recording(name, "free-run", signals, seed, noise_seed, start_angle, replicate)
+        around = self._conditions(position.size, seed)
+        loaded = number >= self.plan.free_runs - self.plan.loaded_free_runs
+        load = self._load(around.time) if loaded and self.plan.loads else None
+        signals = bench.free_run(position, velocity, self.drive, self.effects, around, load)
+        return self._recording(name, "free-run", signals, around, noise_seed, start_angle, replicate)
 
     def starting_torque_run(
-        self, name: str, seed: int, noise_seed: int, start_angle: float, replicate: str | None = None
+        self, name: str, seed: int, noise_seed: int, start_angle: float, replicate: str | None = None, number: int = 0
     ) -> Recording:
         """Raise the motor torque with the output free until the gear slips; `seed` draws direction and rate."""
         rng = np.random.default_rng(seed)
         rate = float(rng.choice([-1.0, 1.0]) * rng.uniform(2e-3, 6e-3))
         most = 20.0 * self.drive.T_fs
         ramp = rate * np.arange(round(most / abs(rate) * self.rate)) / self.rate
-        torque = np.concatenate([np.zeros(round(DWELL * self.rate)), ramp])
-        signals = bench.starting_torque(torque, 1.0 / self.rate, start_angle, 0.5, self.drive, self.effects)
-        return self._recording(name, "starting-torque", signals, seed, noise_seed, start_angle, replicate)
+        commanded = np.concatenate([np.zeros(round(DWELL * self.rate)), ramp])
+        torque = true_motor_torque(commanded, self.effects, self.instruments.torque_constant)
+        room = float(self._conditions(1, seed).temperature[0])
+        signals = bench.starting_torque(torque, 1.0 / self.rate, start_angle, 0.5, self.drive, self.effects, room)
+        around = self._conditions(signals[0].size, seed)
+        return self._recording(name, "starting-torque", signals, around, noise_seed, start_angle, replicate)
 
     def _repeated(
         self, procedure: str, index: int, twice: bool, start_angle: float, rng: np.random.Generator
@@ -200,22 +255,49 @@ class Campaign:
         seed, *noise_seeds = (int(value) for value in rng.integers(0, 2**31, 3))
         name = f"{procedure}-{index + 1:02d}"
         if not twice:
-            return [run(name, seed, noise_seeds[0], start_angle)]
-        return [run(f"{name}{letter}", seed, noise_seeds[k], start_angle, name) for k, letter in enumerate("ab")]
+            return [run(name, seed, noise_seeds[0], start_angle, None, index)]
+        return [run(f"{name}{letter}", seed, noise_seeds[k], start_angle, name, index) for k, letter in enumerate("ab")]
 
     def _any_angle(self, rng: np.random.Generator) -> float:
         return float(rng.uniform(0.0, 2.0 * math.pi))
 
-    def _sweep(self, rng: np.random.Generator) -> tuple[float, Floats]:
+    def _sweep(self, rng: np.random.Generator, number: int) -> tuple[float, Floats]:
         """Give the peak output torque (N*m) and the sweep with peak 1, after the dwell."""
+        plan = self.plan
         peak, torque_rate = float(rng.uniform(10.0, 16.0)), float(rng.uniform(2.0, 5.0))
-        if rng.random() < self.plan.sine_share:
+        if plan.torque_rates:
+            torque_rate = plan.torque_rates[number % len(plan.torque_rates)]
+        if rng.random() < plan.sine_share:
             period = 2.0 * math.pi * peak / torque_rate
             t = np.arange(round(2.0 * period * self.rate) + 1) / self.rate
             return peak, self._after_dwell(np.sin(2.0 * math.pi * t / period))
-        corners = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(NESTED_PEAKS)))]) * peak / torque_rate
-        t = np.arange(round(float(corners[-1]) * self.rate) + 1) / self.rate
-        return peak, self._after_dwell(np.interp(t, corners, NESTED_PEAKS))
+        hold = plan.holds[number % len(plan.holds)] if plan.holds else 0.0
+        times, values = [0.0], [0.0]
+        for before, value in itertools.pairwise(plan.peaks):
+            times.append(times[-1] + abs(value - before) * peak / torque_rate)
+            values.append(value)
+            if hold and abs(value) >= 0.9:
+                times.append(times[-1] + hold)
+                values.append(value)
+        t = np.arange(round(times[-1] * self.rate) + 1) / self.rate
+        return peak, self._after_dwell(np.interp(t, times, values))
+
+    def _load(self, time: Floats) -> Floats:
+        """Give the output torque of a loaded free run: after the dwell, step by step, each with a ramp of 1 s."""
+        loads = self.plan.loads
+        steps = np.arange(math.ceil(float(time[-1]) / LOAD_STEP))
+        starts = DWELL + LOAD_STEP * steps
+        times = np.sort(np.concatenate([starts, starts + LOAD_STEP - 1.0]))
+        levels = np.repeat([loads[k % len(loads)] for k in steps.tolist()], 2)
+        return np.interp(time, times, levels, left=0.0)
+
+    def _conditions(self, samples: int, seed: int) -> bench.Conditions:
+        """Give the temperature of a run: the room's or what is left of the last run, then warming up."""
+        plan = self.plan
+        time = np.arange(samples) / self.rate
+        low, high = (plan.room[0], plan.warm_up[0]), (plan.room[1], plan.warm_up[1])
+        room, warm_up = np.random.default_rng([seed, 1]).uniform(low, high)
+        return bench.Conditions(time, room + warm_up * -np.expm1(-time / plan.warm_up_time))
 
     def _after_dwell(self, signal: Floats) -> Floats:
         return np.concatenate([np.zeros(round(DWELL * self.rate)), signal])
@@ -235,17 +317,15 @@ class Campaign:
         name: str,
         procedure: str,
         signals: bench.Signals,
-        seed: int,
+        around: bench.Conditions,
         noise_seed: int,
         start_angle: float,
         replicate: str | None,
     ) -> Recording:
-        time = np.arange(signals[0].size) / self.rate
-        room, warm_up = np.random.default_rng([seed, 1]).uniform([21.0, 0.0], [29.0, 8.0])
-        temperature = room + warm_up * -np.expm1(-time / 300.0)
-        truth = Truth(*signals, temperature=temperature)
-        columns, zeros = measure(truth, self.instruments, self.drive.ratio, np.random.default_rng(noise_seed))
-        return Recording(name, procedure, replicate, start_angle, time, columns, truth, zeros)
+        truth = Truth(*signals, temperature=around.temperature)
+        rng = np.random.default_rng(noise_seed)
+        columns, zeros = measure(truth, self.instruments, self.drive.ratio, rng, self.effects, around.time)
+        return Recording(name, procedure, replicate, start_angle, around.time, columns, truth, zeros)
 
 
 def held_out(recordings: tuple[Recording, ...]) -> tuple[str, ...]:

@@ -1,16 +1,24 @@
-"""Second formulas of the effects: one function per catalogue id, in SI and contract signs.
+"""Second formulas of the effects by catalogue id, in SI and contract signs, and what is present on a bench.
 
-Periodic effects are sums of rotating vectors; gravity is the moment of a weight about the output axis.
-Each function says where it acts; the bench (`bench.py`) lets it act there.
+The formulas stand by place of action in `base_terms.py`, `transmission.py`, `balance.py` and `readings.py`. Each takes
+its signals and parameters by name, over whole records of shape (n,); those that remember also take `time`.
+The bench (`bench.py`) and the instruments (`instruments.py`) let them act where they act.
 """
 
-import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+import inspect
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from tests.independent import balance, base_terms, readings, transmission
+from tests.independent.draws import draw
+from tests.independent.terms import Arm, Effects, Line, Term, term
+from tests.independent.waves import rotating_vectors
+
+__all__ = ["SECOND_FORMULAS", "SECOND_SLOPES", "Arm", "Effects", "Line", "Term", "draw", "term", "total", "total_slope"]
 
 Floats = NDArray[np.float64]
 
@@ -18,109 +26,132 @@ KINEMATIC_ERROR = "kinematic-error"
 COGGING = "cogging"
 GRAVITY_LOAD = "gravity-load"
 
-POLES, SLOTS = 14, 12
-"""Motor of the generator: seven pole pairs on twelve slots; uneven parts also show the two numbers themselves."""
+BASE: Mapping[str, Callable[..., Floats]] = MappingProxyType(
+    {
+        "flexspline-compliance": base_terms.flexspline_compliance,
+        "wave-generator-compliance": base_terms.wave_generator_compliance,
+        "coulomb-friction": base_terms.coulomb_friction,
+        "viscous-friction": base_terms.viscous_friction,
+        "inertia": base_terms.inertia,
+    }
+)
+
+TORSION: Mapping[str, Callable[..., Floats]] = MappingProxyType(
+    {
+        KINEMATIC_ERROR: transmission.kinematic_error,
+        "soft-windup": transmission.soft_windup,
+        "backlash": transmission.backlash,
+        "creep": transmission.creep,
+        "maxwell-slip": transmission.maxwell_slip,
+        "rate-dependent-hysteresis": transmission.rate_dependent_hysteresis,
+        "stiffness-modulation": transmission.stiffness_modulation,
+        "temperature-dependent-stiffness": transmission.temperature_dependent_stiffness,
+        "fixture-compliance": transmission.fixture_compliance,
+        "thermal-expansion": transmission.thermal_expansion,
+    }
+)
+
+FRICTION: Mapping[str, Callable[..., Floats]] = MappingProxyType(
+    {
+        "stribeck-friction": balance.stribeck_friction,
+        "load-dependent-friction": balance.load_dependent_friction,
+        "position-dependent-friction": balance.position_dependent_friction,
+        "temperature-dependent-friction": balance.temperature_dependent_friction,
+    }
+)
+
+TORQUE: Mapping[str, Callable[..., Floats]] = MappingProxyType(
+    {COGGING: balance.cogging, GRAVITY_LOAD: balance.gravity_load, "torque-ripple": balance.torque_ripple}
+)
+
+MOTOR_ANGLE: Mapping[str, Callable[..., Floats]] = MappingProxyType(
+    {
+        "motor-encoder-eccentricity": readings.motor_encoder_eccentricity,
+        "encoder-missed-counts": readings.encoder_missed_counts,
+    }
+)
+
+OUTPUT_ANGLE: Mapping[str, Callable[..., Floats]] = MappingProxyType(
+    {
+        "output-encoder-eccentricity": readings.output_encoder_eccentricity,
+        "encoder-subdivision-error": readings.encoder_subdivision_error,
+        "structural-resonance": transmission.structural_resonance,
+    }
+)
+
+OUTPUT_TORQUE: Mapping[str, Callable[..., Floats]] = MappingProxyType(
+    {
+        "torque-sensor-offset": readings.torque_sensor_offset,
+        "torque-sensor-drift": readings.torque_sensor_drift,
+        "torque-sensor-gain": readings.torque_sensor_gain,
+        "torque-sensor-nonlinearity": readings.torque_sensor_nonlinearity,
+        "torque-sensor-lag": readings.torque_sensor_lag,
+        "channel-delay": readings.channel_delay,
+    }
+)
+
+MOTOR_TORQUE: Mapping[str, Callable[..., Floats]] = MappingProxyType(
+    {
+        "current-sensor-offset": readings.current_sensor_offset,
+        "torque-constant-error": readings.torque_constant_error,
+        "torque-constant-saturation": readings.torque_constant_saturation,
+    }
+)
+
+SECOND_FORMULAS: Mapping[str, Callable[..., Floats]] = MappingProxyType(
+    {**BASE, **TORSION, **FRICTION, **TORQUE, **MOTOR_ANGLE, **OUTPUT_ANGLE, **OUTPUT_TORQUE, **MOTOR_TORQUE}
+)
+"""By catalogue id: the effect as a function of its signals and parameters, by name."""
+
+SECOND_SLOPES: Mapping[str, Callable[..., Floats]] = MappingProxyType(transmission.SLOPES)
+"""By catalogue id: the torque with which an effect in the torsion helps to drive the motor, per N*m at the output."""
 
 
-@dataclass(frozen=True, slots=True)
-class Line:
-    """amplitude * sin(order * angle + phase): cycles per revolution, rad or N*m, rad."""
-
-    order: float
-    amplitude: float
-    phase: float
+def total(ids: Iterable[str], effects: Effects, signals: Mapping[str, ArrayLike], shape: tuple[int, ...]) -> Floats:
+    """Sum all instances of the effects `ids` that are present; each picks the signals that it names."""
+    return _sum(SECOND_FORMULAS, ids, effects, signals, shape)
 
 
-@dataclass(frozen=True, slots=True)
-class Arm:
-    """Weight on the output: moment m*g*r (N*m) when level, `phase` (rad) of the arm from hanging straight down."""
-
-    moment: float
-    phase: float
-
-
-@dataclass(frozen=True, slots=True)
-class Effects:
-    """What acts on the bench beyond the base model; empty means absent."""
-
-    kinematic_error: tuple[Line, ...] = ()
-    cogging: tuple[Line, ...] = ()
-    gravity_load: Arm = Arm(0.0, 0.0)
+def total_slope(effects: Effects, signals: Mapping[str, ArrayLike], shape: tuple[int, ...]) -> Floats:
+    """Sum the slopes of everything that is present."""
+    return _sum(SECOND_SLOPES, SECOND_SLOPES, effects, signals, shape)
 
 
 def kinematic_error(motor_position: ArrayLike, lines: Sequence[Line]) -> Floats:
     """Give the error that adds to the torsion, rad at the output."""
-    return _rotating_vectors(motor_position, lines, turned_ahead=False)
+    return rotating_vectors(motor_position, lines)
 
 
 def kinematic_error_slope(motor_position: ArrayLike, lines: Sequence[Line]) -> Floats:
     """Give d(error)/d(motor_position): the output torque times this helps to drive the motor."""
-    return _rotating_vectors(motor_position, lines, turned_ahead=True)
+    return rotating_vectors(motor_position, lines, turned_ahead=True)
 
 
 def cogging(motor_position: ArrayLike, lines: Sequence[Line]) -> Floats:
     """Give the motor torque needed to hold the rotor against its magnets, N*m, whatever current or direction."""
-    return _rotating_vectors(motor_position, lines, turned_ahead=False)
+    return rotating_vectors(motor_position, lines)
 
 
 def gravity_load(output_position: ArrayLike, arm: Arm) -> Floats:
-    """Give the outside torque that would hold the arm, N*m: minus the moment (lever cross weight) of gravity."""
-    angle = np.asarray(output_position, dtype=float) + arm.phase
-    lever_x, lever_y = np.cos(angle - math.pi / 2.0), np.sin(angle - math.pi / 2.0)
-    weight_x, weight_y = 0.0, -arm.moment
-    return np.asarray(-(lever_x * weight_y - lever_y * weight_x))
+    """Give the outside torque that would hold the arm, N*m."""
+    return balance.gravity_load(output_position, arm.moment, arm.phase)
 
 
-def draw(effect: str, rng: np.random.Generator) -> Effects:
-    """Give one effect by id, with parameters drawn inside its working range; ValueError for an unknown id."""
-    phase = float(rng.uniform(-math.pi, math.pi))
-    if effect == KINEMATIC_ERROR:
-        return Effects(kinematic_error=(Line(2.0, float(rng.uniform(5e-5, 2e-4)), phase),))
-    if effect == COGGING:
-        amplitude = float(rng.uniform(1e-3, 3e-3))
-        lines = [Line(float(math.lcm(POLES, SLOTS)), amplitude, phase)]
-        if rng.random() < 0.5:
-            lines.append(Line(float(POLES), 0.5 * amplitude, float(rng.uniform(-math.pi, math.pi))))
-        return Effects(cogging=tuple(lines))
-    if effect == GRAVITY_LOAD:
-        return Effects(gravity_load=Arm(float(rng.uniform(0.2, 1.0)), phase))
-    raise ValueError(f"no second formula for effect {effect!r}")
+def _sum(
+    formulas: Mapping[str, Callable[..., Floats]],
+    ids: Iterable[str],
+    effects: Effects,
+    signals: Mapping[str, ArrayLike],
+    shape: tuple[int, ...],
+) -> Floats:
+    added = np.zeros(shape)
+    for effect_id in ids:
+        for parameters in effects.of(effect_id):
+            wanted = {name: signals[name] for name in _arguments(formulas[effect_id]) if name not in parameters}
+            added = added + formulas[effect_id](**wanted, **parameters)
+    return added
 
 
-def _one_kinematic_error(motor_position: ArrayLike, amplitude: float, order: float, phase: float) -> Floats:
-    return kinematic_error(motor_position, [Line(order, amplitude, phase)])
-
-
-def _one_kinematic_error_slope(motor_position: ArrayLike, amplitude: float, order: float, phase: float) -> Floats:
-    return kinematic_error_slope(motor_position, [Line(order, amplitude, phase)])
-
-
-def _one_cogging(motor_position: ArrayLike, amplitude: float, order: float, phase: float) -> Floats:
-    return cogging(motor_position, [Line(order, amplitude, phase)])
-
-
-def _one_gravity_load(output_position: ArrayLike, amplitude: float, phase: float) -> Floats:
-    return gravity_load(output_position, Arm(amplitude, phase))
-
-
-def _rotating_vectors(angle: ArrayLike, lines: Sequence[Line], *, turned_ahead: bool) -> Floats:
-    """Sum the imaginary parts of amplitude * exp(j(order * angle + phase)), or of its derivative by the angle."""
-    theta = np.asarray(angle, dtype=float)
-    total = np.zeros(theta.shape, dtype=complex)
-    for line in lines:
-        vector = line.amplitude * np.exp(1j * line.phase) * np.exp(1j * line.order * theta)
-        total = total + (1j * line.order * vector if turned_ahead else vector)
-    return np.asarray(total.imag)
-
-
-SECOND_FORMULAS: Mapping[str, Callable[..., Floats]] = MappingProxyType(
-    {
-        KINEMATIC_ERROR: _one_kinematic_error,
-        COGGING: _one_cogging,
-        GRAVITY_LOAD: _one_gravity_load,
-    }
-)
-"""By catalogue id: the effect as a function of its signals and parameters, by name."""
-
-SECOND_SLOPES: Mapping[str, Callable[..., Floats]] = MappingProxyType({KINEMATIC_ERROR: _one_kinematic_error_slope})
-"""By catalogue id: the derivative by motor_position of the effects in the torsion."""
+@cache
+def _arguments(formula: Callable[..., Floats]) -> tuple[str, ...]:
+    return tuple(inspect.signature(formula).parameters)
