@@ -17,6 +17,7 @@ from scipy.signal import savgol_filter
 
 from rig.config.dut import Dut, Rotation
 from rig.log.run import ProcedureName, Run
+from rig.loop.polyline import noise_variance, polyline
 from rig.loop.ripple import Ripple, speed_ripple
 
 Floats = NDArray[np.float64]
@@ -25,14 +26,18 @@ Flags = NDArray[np.bool_]
 SMOOTHING = 0.02
 """s over which a run that does not turn is averaged for the fit; quasi-static sweeps change over seconds."""
 
-SIDE = 0.025
-PLAY_SIDE = 0.1
-LONG_SIDES = (0.3, 0.1)
-"""s on either side over which torques are smoothed by straight lines before they enter a spring or a play; a spring
-takes one of the long sides where nothing but noise is lost by it."""
+SPRING_SIDES = (0.025, 0.1, 0.3, 1.0, 3.0)
+"""s on either side over which torques are smoothed by straight lines before they enter a spring: at least the first,
+and wherever the torque is straight enough the longest."""
 
-NOISE_ONLY = 1.5
-"""Times the noise that the shortest smoothing leaves up to which a longer one takes nothing but noise away."""
+PLAY_SIDE = 0.1
+"""The same before they enter a play, unless the whole torque is a polyline."""
+
+STRAIGHT = 6.0
+"""Standard deviations by which the scatter about a line may exceed the noise."""
+
+AGREE = 5.0
+"""Standard deviations within which a longer line must agree with the shortest."""
 
 SPEED_BAND = 0.08
 """A sample belongs to a leg if its speed is within this share of the leg's speed."""
@@ -159,7 +164,6 @@ def make_track(run: Run, dut: Dut) -> Track:
         output_torque, motor_torque = _alive(output_torque), _alive(motor_torque)
     turning = run.procedure in (ProcedureName.FREE_RUN, ProcedureName.BACKDRIVE)
     held = not turning and float(np.median(np.abs(speed))) < HELD_SPEED and motor_position is not None
-    play_window = round(PLAY_SIDE / period)
     return Track(
         name=run.name,
         procedure=run.procedure,
@@ -169,10 +173,10 @@ def make_track(run: Run, dut: Dut) -> Track:
         fine=1,
         motor_position=motor_position,
         output_position=output_position,
-        T=_over_turns(output_torque, leg_speed, period) if moves else _smoothest(output_torque, period),
-        M=motor_torque if moves else _smoothest(motor_torque, period),
-        play_load=_smooth(output_torque, play_window),
-        play_drive=_smooth(motor_torque, play_window),
+        T=_over_turns(output_torque, leg_speed, period) if moves else _smooth(output_torque, period, SPRING_SIDES),
+        M=motor_torque if moves else _smooth(motor_torque, period, SPRING_SIDES),
+        play_load=_for_play(output_torque, period),
+        play_drive=_for_play(motor_torque, period),
         output_torque=output_torque,
         motor_torque=motor_torque,
         motor_current=current,
@@ -279,39 +283,58 @@ def _ripple(run: Run, position: Floats | None, torque: Floats | None, leg_speed:
     return speed_ripple(run.time, position, torque, leg_speed)
 
 
-def _smooth(values: Floats | None, side: int) -> Floats | None:
+def _smooth(values: Floats | None, period: float, sides: tuple[float, ...]) -> Floats | None:
+    """Smooth a torque by straight lines over the longest of `sides` (s) that takes nothing but noise away.
+
+    Noise of a torque is in what it predicts, so that an effect that follows the torque less noisily would be found for
+    it. A longer line counts where the samples scatter about it no more than about their neighbours, and where it agrees
+    with the shortest.
+    """
+    if values is None or values.size < FEWEST_TO_BEND:
+        return values
+    first = round(sides[0] / period)
+    smoothed = _corners_kept(values, first)
+    noise = noise_variance(values, period)
+    least = noise / (1.0 if smoothed is values else 2.0 * first + 1.0)
+    best, best_variance = smoothed.copy(), least.copy()
+    for side in (round(side / period) for side in sides[1:]):
+        if side < MIN_SIDE or values.size <= 2 * side:
+            continue
+        for low, high, share in ((-side, side, 1.0), (-side, 0, 4.0), (0, side, 4.0)):
+            line, scatter, count = _straight(values, low, high)
+            variance = share * noise / count
+            good = scatter <= noise * (1.0 + STRAIGHT * np.sqrt(2.0 / count))
+            good &= np.abs(line - smoothed) <= AGREE * (np.sqrt(least) + np.sqrt(variance))
+            good &= variance < best_variance
+            best[good], best_variance[good] = line[good], variance[good]
+    return best
+
+
+def _for_play(values: Floats | None, period: float) -> Floats | None:
+    """Give a torque as a play takes it: the polyline that it follows, or smoothed with its corners kept."""
+    if values is None:
+        return None
+    side = round(PLAY_SIDE / period)
+    smoothed = _corners_kept(values, side)
+    line = polyline(values, smoothed, side, period) if smoothed is not values else None
+    return smoothed if line is None else line
+
+
+def _corners_kept(values: Floats, side: int) -> Floats:
     """Smooth by straight lines fitted before, around and after each sample, the better fitting ones weighing more.
 
-    A play ratchets along the extremes of noise, and a mean across the corner of a triangle cuts the corner: at a
-    corner only the line on the sample's own side fits. `side`: samples on either side.
+    A mean across the corner of a triangle cuts the corner: there only the line on the sample's own side fits. `side`:
+    samples on either side.
     """
-    if values is None or side < MIN_SIDE:
+    if side < MIN_SIDE or values.size <= 2 * side:
         return values
-    n = values.size
     before, around, after = (_straight(values, low, high) for low, high in ((-side, 0), (-side, side), (0, side)))
     scatter = np.stack([before[1], around[1], after[1]])
     least = np.maximum(scatter.min(axis=0), 1e-300)
     # the variance of a fitted end point is four times, that of a centre once the mean's over half as many samples
     weight = np.array([0.25, 2.0, 0.25])[:, None] * np.exp(-0.5 * side * (scatter / least - 1.0))
     smoothed = (weight * np.stack([before[0], around[0], after[0]])).sum(axis=0) / weight.sum(axis=0)
-    return np.asarray(smoothed) if n > 2 * side else values
-
-
-def _smoothest(values: Floats | None, period: float) -> Floats | None:
-    """Smooth a torque over the longest side that takes nothing but noise away.
-
-    Noise of a torque is in what it predicts; an effect that follows the torque less noisily would be found for it.
-    """
-    least = _smooth(values, round(SIDE / period))
-    if values is None or least is None or values.size < 2:
-        return least
-    averaged = 1.0 if least is values else 2.0 * round(SIDE / period) + 1.0
-    noise = float(np.sqrt(np.mean(np.diff(values) ** 2) / 2.0 / averaged))
-    for side in LONG_SIDES:
-        found = _smooth(values, round(side / period))
-        if found is not None and found is not values and np.sqrt(np.mean((found - least) ** 2)) <= NOISE_ONLY * noise:
-            return found
-    return least
+    return np.asarray(smoothed)
 
 
 def _over_turns(values: Floats | None, leg_speed: Floats, period: float) -> Floats | None:
@@ -328,8 +351,11 @@ def _over_turns(values: Floats | None, leg_speed: Floats, period: float) -> Floa
     return averaged
 
 
-def _straight(values: Floats, low: int, high: int) -> tuple[Floats, Floats]:
-    """Fit a line to the samples from k+low to k+high around every k; give its value at k and the residual variance."""
+def _straight(values: Floats, low: int, high: int) -> tuple[Floats, Floats, Floats]:
+    """Fit a line to the samples from k+low to k+high around every k.
+
+    Gives its value at k, the variance of the residual, and to how many samples it was fitted; each (n,).
+    """
     n = values.size
     k = np.arange(n)
     first, last = np.clip(k + low, 0, n - 3), np.clip(k + high, 2, n - 1)
@@ -342,7 +368,7 @@ def _straight(values: Floats, low: int, high: int) -> tuple[Floats, Floats]:
     spread = count * (count**2 - 1.0) / 12.0
     slope = (ty - middle * y) / spread
     variance = np.maximum(yy - y**2 / count - slope**2 * spread, 0.0) / np.maximum(count - 2.0, 1.0)
-    return values.mean() + y / count + slope * (k - middle), variance
+    return values.mean() + y / count + slope * (k - middle), variance, count
 
 
 def _saturated(run: Run) -> Flags:

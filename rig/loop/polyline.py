@@ -1,0 +1,94 @@
+"""A torque that was swept in straight lines, without its noise: knots found, placed and held against the noise.
+
+A play remembers the extremes of its input, so that the noise of a held torque ratchets it on, and a line that runs on
+past a corner sets it for good. Where the whole record is a polyline within its noise, that is what the play gets.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+Floats = NDArray[np.float64]
+
+TOLERANCE = 2.5
+"""Standard deviations of a sample by which a polyline may miss the smoothed torque before it gets a further knot."""
+
+MOST_KNOTS = 200
+
+SHORTEST = 1.0
+"""s that a straight piece lasts on average at least; what bends more often is no polyline."""
+
+BLOCK, TYPICAL, WORST = 0.5, 1.5, 6.0
+"""s of the blocks whose means judge the polyline; their rms and their largest size, in standard deviations."""
+
+PASSES = 5
+NOISE_SPAN = 1.0
+"""s on either side over which the noise is measured."""
+
+
+def polyline(values: Floats, smoothed: Floats, side: int, period: float) -> Floats | None:
+    """Give the polyline that `values` (n,) follow within their noise, shape (n,); None if they follow none.
+
+    smoothed: the same without most of the noise, corners kept, from lines over `side` samples on either side.
+    """
+    n = values.size
+    if n < 4 * side:
+        return None
+    noise = noise_variance(values, period)
+    knots = _knots(smoothed, TOLERANCE * float(np.sqrt(noise.mean())))
+    if not noise.any() or len(knots) > min(n * period / SHORTEST + 2, MOST_KNOTS):
+        return None
+    line = _placed(values, np.array(knots, dtype=float))
+    block = max(round(BLOCK / period), 1)
+    whole = n // block * block
+    means = (values - line)[:whole].reshape(-1, block).mean(axis=1)
+    sizes = np.abs(means) / np.sqrt(np.maximum(noise[:whole].reshape(-1, block).mean(axis=1), 1e-300) / block)
+    good = np.sqrt(np.mean(sizes**2)) <= TYPICAL and sizes.max(initial=0.0) <= WORST
+    return line if good else None
+
+
+def noise_variance(values: Floats, period: float) -> Floats:
+    """Give the variance of white noise around every sample, shape (n,), from second differences: a slope has none."""
+    bend = values[2:] - 2.0 * values[1:-1] + values[:-2]
+    padded = np.concatenate([bend[:1], bend, bend[-1:]])
+    return np.asarray(uniform_filter1d(padded**2 / 6.0, 2 * round(NOISE_SPAN / period) + 1))
+
+
+def _knots(smoothed: Floats, tolerance: float) -> list[int]:
+    """Split the record where a straight line misses it most, until none misses it by more than `tolerance`."""
+    found, open_ = {0, smoothed.size - 1}, [(0, smoothed.size - 1)]
+    while open_:
+        first, last = open_.pop()
+        if last - first < 2:
+            continue
+        inner = smoothed[first : last + 1]
+        miss = np.abs(inner - np.linspace(inner[0], inner[-1], inner.size))
+        worst = int(miss.argmax())
+        if miss[worst] > tolerance:
+            found.add(first + worst)
+            open_ += [(first, first + worst), (first + worst, last)]
+    return sorted(found)
+
+
+def _placed(values: Floats, knots: Floats) -> Floats:
+    """Fit heights and places of the knots by least squares; give the polyline at every sample."""
+    index = np.arange(values.size, dtype=float)
+    heights: Floats = np.interp(knots, index, values)
+    for _ in range(PASSES):
+        hats = _hats(index, knots)
+        heights = np.asarray(np.linalg.lstsq(hats, values, rcond=None)[0], dtype=np.float64)
+        if knots.size < 3:
+            break
+        slopes = np.diff(heights) / np.diff(knots)
+        before = index[:, None] < knots[None, 1:-1]
+        columns = -hats[:, 1:-1] * np.where(before, slopes[:-1], slopes[1:])
+        moves = np.linalg.lstsq(np.hstack([hats, columns]), values - hats @ heights, rcond=1e-8)[0][knots.size :]
+        gaps = np.diff(knots)
+        knots = knots.copy()
+        knots[1:-1] += np.clip(moves, -0.3 * gaps[:-1], 0.3 * gaps[1:])
+    return np.asarray(np.interp(index, knots, np.linalg.lstsq(_hats(index, knots), values, rcond=None)[0]))
+
+
+def _hats(index: Floats, knots: Floats) -> Floats:
+    """Give the hat function of every knot at every sample, shape (n, knots)."""
+    return np.column_stack([np.interp(index, knots, unit) for unit in np.eye(knots.size)])
