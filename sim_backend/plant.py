@@ -30,6 +30,8 @@ _seen = itemgetter(
     stepper.OUTPUT_VELOCITY,
     stepper.LOAD_TORQUE,
     stepper.OUTPUT_TORQUE,
+    stepper.GEAR_TEMPERATURE,
+    stepper.WINDING_TEMPERATURE,
 )
 """What the instruments see of the state; the load drive sits on the output shaft, so it sees the output's angle."""
 
@@ -52,10 +54,11 @@ _AXES = {
 
 
 class PlantTruth(NamedTuple):
-    """The plant's state itself, without instruments: rad, rad/s, N*m; energies in J since the start.
+    """The plant's state itself, without instruments: rad, rad/s, N*m, A, degC; energies in J since the start.
 
-    `flexspline_torque` and `wave_generator_torque` are T_F and T_w. `work` is what both drives put in, `heat` what
-    friction and dampers took, `effect_work` what the effects took; `stored` is kinetic and elastic energy now.
+    `motor_current` is the one that the motor's drive believes in. `flexspline_torque` and `wave_generator_torque` are
+    T_F and T_w. `work` is what both drives put in, `heat` what friction and dampers took, `effect_work` what the
+    effects took; `stored` is kinetic and elastic energy now. The temperatures come of that heat, not on top of it.
     """
 
     time: float
@@ -69,6 +72,9 @@ class PlantTruth(NamedTuple):
     output_torque: float
     flexspline_torque: float
     wave_generator_torque: float
+    motor_current: float
+    temperature: float
+    motor_temperature: float
     work: float
     heat: float
     effect_work: float
@@ -94,8 +100,8 @@ class Plant:
         self._inputs = np.zeros(stepper.INPUT_SIZE)
         self._inputs[stepper.MOTOR_LIMIT] = config.motor_rated_torque
         self._inputs[stepper.LOAD_LIMIT] = config.load_rated_torque
-        self._inputs[stepper.TEMPERATURE] = config.temperature
-        self._inputs[stepper.MOTOR_TEMPERATURE] = config.motor_temperature
+        self._state[stepper.GEAR_TEMPERATURE] = config.temperature
+        self._state[stepper.WINDING_TEMPERATURE] = config.motor_temperature
         self._random = np.random.default_rng(seed)
         # single numbers go in and out of a memoryview in half the time that an array takes
         self._state_view = cast("memoryview[float]", self._state.data)
@@ -159,7 +165,9 @@ class Plant:
         """Clamp the output to the fixture where it stands, or let it go."""
         if locked == self.locked:
             return
-        self._state[stepper.DISSIPATED] += self._fixture_energy()
+        lost = self._fixture_energy()
+        self._state[stepper.DISSIPATED] += lost
+        self._state[stepper.HEAT_BEFORE] += lost  # it does not warm the gear
         self._inputs[stepper.LOCKED] = 1.0 if locked else 0.0
         self._inputs[stepper.LOCK_POSITION] = self._state[stepper.OUTPUT_POSITION]
         self._state[stepper.FIXTURE_TORQUE] = 0.0
@@ -172,7 +180,9 @@ class Plant:
         `output_torque` is the transducer between the output flange and what is outside: load drive and fixture.
         """
         if self._reading is None:
-            angle, velocity, torque, output_angle, output_velocity, load, outside = _seen(self._state_view)
+            angle, velocity, torque, output_angle, output_velocity, load, outside, gear, winding = _seen(
+                self._state_view
+            )
             if self._kernel.readings:
                 for_angle, for_velocity, for_output_angle, for_output_velocity, for_outside = _errors(self._state_view)
                 angle += for_angle
@@ -196,8 +206,8 @@ class Plant:
                     load + n_load,
                     output_angle,
                     outside + n_outside,
-                    self.config.temperature,
-                    self.config.motor_temperature,
+                    gear,
+                    winding,
                 )
             )
         return self._reading
@@ -217,6 +227,9 @@ class Plant:
             output_torque=s[stepper.OUTPUT_TORQUE],
             flexspline_torque=s[stepper.T_F_NOW],
             wave_generator_torque=s[stepper.T_W_NOW],
+            motor_current=s[stepper.SHOWN_TORQUE] / self._derived.torque_constant,
+            temperature=s[stepper.GEAR_TEMPERATURE],
+            motor_temperature=s[stepper.WINDING_TEMPERATURE],
             work=s[stepper.WORK],
             heat=s[stepper.DISSIPATED],
             effect_work=s[stepper.EFFECT_WORK],
@@ -224,7 +237,7 @@ class Plant:
         )
 
     def _draw_noise(self) -> Iterator[list[float]]:
-        """Draw the noise of the next readings, in the order of `_seen`."""
+        """Draw the noise of the next readings, in the order of `_seen`; the temperatures have none."""
         c = self.config
         drawn = self._random.standard_normal((_NOISE_BLOCK, 7))
         drawn *= (

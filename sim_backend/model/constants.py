@@ -8,7 +8,10 @@ from sim_backend.model.parameters import PlantConfig
 
 
 class Constants(NamedTuple):
-    """Constants of one plant. A knee is where a spring goes on in a straight line: windup, torque, stiffness."""
+    """Constants of one plant. A knee is where a spring goes on in a straight line: windup, torque, stiffness.
+
+    A settling is the part of the way to its final temperature that a thermal node goes in one tick of the drive loops.
+    """
 
     step: float
     ratio: float
@@ -34,6 +37,12 @@ class Constants(NamedTuple):
     running_friction: float
     running_viscous_friction: float
     torque_constant: float
+    winding_resistance: float
+    ambient_temperature: float
+    gear_thermal_resistance: float
+    gear_settling: float
+    motor_thermal_resistance: float
+    motor_settling: float
     fixture_stiffness: float
     fixture_damping: float
     current_decay: float
@@ -99,6 +108,12 @@ def derive(config: PlantConfig) -> Constants:
         running_friction=drive.friction_torque / drive.ratio + config.rotor_friction,
         running_viscous_friction=drive.viscous_friction + config.rotor_viscous_friction,
         torque_constant=config.torque_constant,
+        winding_resistance=_winding_resistance(config),
+        ambient_temperature=config.ambient_temperature,
+        gear_thermal_resistance=config.gear_thermal_resistance,
+        gear_settling=_settling(config.loop_period, config.gear_thermal_resistance * config.gear_heat_capacity),
+        motor_thermal_resistance=config.motor_thermal_resistance,
+        motor_settling=_settling(config.loop_period, config.motor_thermal_resistance * config.motor_heat_capacity),
         fixture_stiffness=config.fixture_stiffness,
         fixture_damping=config.fixture_damping,
         current_decay=decay,
@@ -115,6 +130,22 @@ def derive(config: PlantConfig) -> Constants:
         load_speed_limit=config.load_speed_limit,
     )
 
+
+def _winding_resistance(config: PlantConfig) -> float:
+    """Give the resistance of the winding, ohm; where it is not stated, that of a motor which the rating describes."""
+    if config.winding_resistance is not None:
+        return config.winding_resistance
+    rated_current = config.motor_rated_torque / config.torque_constant
+    return _RATED_WARMING / (config.motor_thermal_resistance * rated_current**2)
+
+
+def _settling(period: float, time_constant: float) -> float:
+    """Give the part of the way to its final temperature which a node goes in one period."""
+    return -math.expm1(-period / time_constant)
+
+
+_RATED_WARMING = 75.0
+"""K above ambient of a motor at its rated torque for hours: from 25 degC to the 100 degC of an ordinary winding."""
 
 _TORQUE_ACCURACY = 1e-10
 """N*m at the output: largest error of the linear last step of the rim's solution, from the springs' curvature."""
