@@ -12,7 +12,8 @@ from typing import NamedTuple, NoReturn, cast
 import numpy as np
 
 from sim_backend.errors import ModelError
-from sim_backend.model import stepper
+from sim_backend.model import springs, stepper
+from sim_backend.model.compliance import Compliance
 from sim_backend.model.constants import derive
 from sim_backend.model.effects import ActiveEffect
 from sim_backend.model.kernel import plant_kernel
@@ -53,6 +54,13 @@ _AXES = {
 }
 
 
+_FLEXSPLINE_ENERGY = {
+    Compliance.ARCTAN: springs.flexspline_energy,
+    Compliance.CUBIC: springs.cubic_flexspline_energy,
+    Compliance.PIECEWISE: springs.piecewise_flexspline_energy,
+}
+
+
 class PlantTruth(NamedTuple):
     """The plant's state itself, without instruments: rad, rad/s, N*m, A, degC; energies in J since the start.
 
@@ -84,6 +92,7 @@ class PlantTruth(NamedTuple):
 class Plant:
     """A bench in simulated time; sense `opposed`. Implements `sim_backend.ports.PlantPort`.
 
+    Raises ModelError if the plant cannot have an effect, or an effect assumes another bench than `config`.
     It starts at rest without torque, motor at angle zero, both drives off, output free. `effects` are active for the
     plant's life. `seed` fixes the instruments' noise. `compiled=False` runs the same source as plain Python.
     """
@@ -93,7 +102,8 @@ class Plant:
     ) -> None:
         self.config = config
         self.effects = tuple(effects)
-        self._kernel = plant_kernel(self.effects, compiled=compiled)
+        _check_known(self.effects, config)
+        self._kernel = plant_kernel(self.effects, config.law, compiled=compiled)
         self._derived = derive(config)
         self._constants = np.array(self._derived, dtype=np.float64)
         self._state = np.zeros(self._kernel.state_size)
@@ -254,17 +264,9 @@ class Plant:
     def _stored_energy(self) -> float:
         s: list[float]
         s, c = self._state.tolist(), self._derived
-        flexspline = abs(s[stepper.OUTPUT_POSITION] - s[stepper.ERROR] - s[stepper.SERIES_ANGLE] - s[stepper.RIM])
-        bent = min(flexspline, c.flexspline_knee)
-        straight = flexspline - bent
-        energy = -math.log(math.cos(c.C_F * c.K_F0 * bent)) / (c.C_F**2 * c.K_F0)
-        energy += straight * (c.flexspline_knee_torque + 0.5 * c.flexspline_cap * straight)
-        wave_generator = abs(s[stepper.MOTOR_POSITION] + c.ratio * s[stepper.RIM])
-        bent = min(wave_generator, c.wave_generator_knee)
-        straight = wave_generator - bent
-        share = c.C_w * c.K_w0 * bent
-        energy += ((1.0 - share) * math.log1p(-share) + share) / (c.C_w**2 * c.K_w0)
-        energy += straight * (c.wave_generator_knee_torque + 0.5 * c.wave_generator_cap * straight)
+        flexspline = s[stepper.OUTPUT_POSITION] - s[stepper.ERROR] - s[stepper.SERIES_ANGLE] - s[stepper.RIM]
+        energy = _FLEXSPLINE_ENERGY[self.config.law](flexspline, c)
+        energy += springs.wave_generator_energy(s[stepper.MOTOR_POSITION] + c.ratio * s[stepper.RIM], c)
         energy += 0.5 * c.motor_inertia * s[stepper.MOTOR_VELOCITY] ** 2
         energy += 0.5 * c.output_inertia * s[stepper.OUTPUT_VELOCITY] ** 2
         return energy + self._fixture_energy()
@@ -275,6 +277,19 @@ class Plant:
             return 0.0
         stretch = float(self._state[stepper.OUTPUT_POSITION] - self._inputs[stepper.LOCK_POSITION])
         return 0.5 * self.config.fixture_stiffness * stretch**2
+
+
+def _check_known(effects: Sequence[ActiveEffect], config: PlantConfig) -> None:
+    """Raise ModelError if an effect was given another ratio or torque constant than the bench has."""
+    own = {"ratio": config.drive.ratio, "torque_constant": config.torque_constant}
+    for active in effects:
+        for parameter, value in zip(active.effect.parameters, active.values, strict=True):
+            name = parameter.name
+            if parameter.known and name in own and not math.isclose(value, own[name], rel_tol=1e-9):
+                raise ModelError(
+                    f"{active.effect.id}: {name} = {value!r} {parameter.unit} contradicts the bench, which has "
+                    f"{own[name]!r} {parameter.unit}; {active.effect.equation} needs the same."
+                )
 
 
 def _unknown(axis: str) -> NoReturn:

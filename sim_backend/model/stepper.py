@@ -1,7 +1,7 @@
 """One bench over many steps: rotor and output by velocity Verlet, the rim by return mapping, drive loops inside.
 
     (J_m + J_wg) dw_m/dt = motor_torque + T_w + T_F de/dtheta_m - rotor friction - motor effects
-    J_l dw_o/dt = load_torque - fixture - T_F - output effects
+    J_l dw_o/dt = load_torque - fixture - T_F - output friction - output effects
     T_F = f^-1(theta_o - rim - e),  T_w = g^-1(-N rim - theta_m), each with its spring's damper
 
 One evaluation of the springs per step, second order. Velocities inside forces are extrapolated to the end of the
@@ -276,7 +276,7 @@ def advance(
         motor_extra = motor_effects(now, output_torque, torsion, h, s, effect_parameters)
         output_extra = output_effects(now, output_torque, torsion, h, s, effect_parameters)
         motor_force = motor_force - motor_extra - c.rotor_viscous_friction * next_m
-        output_force = -T_F - output_extra
+        output_force = -T_F - output_extra - c.output_viscous_friction * next_o
         omega_m = brake(middle_m + half_m * (motor_drive + motor_force), rotor_loss)
         omega_o = middle_o + half_o * (load_drive + fixture + output_force)
 
@@ -298,7 +298,7 @@ def advance(
                 + c.flexspline_damping * flexspline_travel * flexspline_travel
                 + c.wave_generator_damping * wave_generator_travel * wave_generator_travel
                 + c.rotor_viscous_friction * motor_travel * motor_travel
-                + locked * c.fixture_damping * output_travel * output_travel
+                + (locked * c.fixture_damping + c.output_viscous_friction) * output_travel * output_travel
             )
             / h
         )
