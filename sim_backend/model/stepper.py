@@ -62,8 +62,8 @@ from sim_backend.model.series import Series, move_rim_in_series
     SERIES_TORSION,
     SERIES_TORQUE,
     SERIES_ANGLE,
+    SERIES_STIFFNESS,
     SERIES_COMPLIANCE,
-    SERIES_SHARE,
     PULL,
     MOTOR_POSITION_ERROR,
     MOTOR_VELOCITY_ERROR,
@@ -204,7 +204,7 @@ def advance(
     T_F, last_T_F, T_w, fixture = s[T_F_NOW], s[T_F_BEFORE], s[T_W_NOW], s[FIXTURE_TORQUE]
     motor_force, output_force = s[MOTOR_FORCE], s[OUTPUT_FORCE]
     motor_extra, output_extra = s[MOTOR_EFFECTS], s[OUTPUT_EFFECTS]
-    series = Series(s[SERIES_TORSION], s[SERIES_TORQUE], s[SERIES_ANGLE], s[SERIES_COMPLIANCE], s[SERIES_SHARE])
+    series = Series(s[SERIES_TORSION], s[SERIES_TORQUE], s[SERIES_ANGLE], s[SERIES_STIFFNESS], s[SERIES_COMPLIANCE])
     pull = s[PULL]
     wait, motor_command, load_command = s[LOOP_WAIT], s[MOTOR_COMMAND], s[LOAD_COMMAND]
     motor_integral, load_integral = s[MOTOR_INTEGRAL], s[LOAD_INTEGRAL]
@@ -313,7 +313,7 @@ def advance(
     s[OUTPUT_POSITION], s[OUTPUT_VELOCITY] = theta_o, omega_o
     s[RIM], s[SLIP], s[LEVEL], s[ERROR], s[ERROR_OPEN] = rim, slip, level, error, open_error
     s[SERIES_TORSION], s[SERIES_TORQUE], s[SERIES_ANGLE] = series.torsion, series.torque, series.angle
-    s[SERIES_COMPLIANCE], s[SERIES_SHARE], s[PULL] = series.compliance, series.share, pull
+    s[SERIES_STIFFNESS], s[SERIES_COMPLIANCE], s[PULL] = series.stiffness, series.compliance, pull
     s[MOTOR_TORQUE], s[SHOWN_TORQUE], s[LOAD_TORQUE] = motor_torque, shown_torque, load_torque
     s[T_F_NOW], s[T_F_BEFORE], s[T_W_NOW], s[FIXTURE_TORQUE] = T_F, last_T_F, T_w, fixture
     s[OUTPUT_TORQUE] = load_torque + fixture
@@ -337,7 +337,7 @@ def start(
     error, _, open_error, _ = torsion_effects(now, 0.0, 0.0, h, s, effect_parameters)
     angle = series_effects(now, 0.0, 0.0, h, s, effect_parameters)
     keep_series(s)
-    s[ERROR], s[ERROR_OPEN], s[SERIES_ANGLE], s[SERIES_SHARE] = error, open_error, angle, 1.0
+    s[ERROR], s[ERROR_OPEN], s[SERIES_ANGLE] = error, open_error, angle
     s[OUTPUT_POSITION] = error + angle
     now = signals_at(0.0, 0.0, 0.0, 0.0, 0.0, error + angle, 0.0, inputs[LOCKED], s, c)
     s[LEVEL] = friction_level(now, 0.0, 0.0, s, effect_parameters, c)
