@@ -125,7 +125,10 @@ def _plant(
 ) -> Plant:
     drive = _drive_from_dut(dut, assumed) if model is None else drive_of_model(model, assumed)
     config = PlantConfig(
-        drive=drive, motor_rated_torque=_motor_rated_torque(dut), load_rated_torque=_load_rated_torque(dut)
+        drive=drive,
+        torque_constant=_torque_constant(dut),
+        motor_rated_torque=_motor_rated_torque(dut),
+        load_rated_torque=_load_rated_torque(dut),
     )
     if dut.motor.inertia is not None:
         config = replace(config, rotor_inertia=dut.motor.inertia)
@@ -257,6 +260,10 @@ def _motor_rated_torque(dut: Dut) -> float:
     return DRIVE_MARGIN * gear.rated_torque / gear.ratio
 
 
+def _torque_constant(dut: Dut) -> float:
+    return dut.motor.torque_constant or MOTOR_DRIVE.torque_constant
+
+
 def _load_rated_torque(dut: Dut) -> float:
     return LOAD_DRIVE.rated_torque if dut.gear.rated_torque is None else 1.25 * dut.gear.rated_torque
 
@@ -270,7 +277,7 @@ def _node(role: str, device: Device, plant: Plant, dut: Dut) -> CanopenNode:
                 encoder_counts=dut.motor.encoder_counts or MOTOR_DRIVE.encoder_counts,
                 rated_torque=_motor_rated_torque(dut),
                 max_torque=3 * _motor_rated_torque(dut),
-                torque_constant=dut.motor.torque_constant or MOTOR_DRIVE.torque_constant,
+                torque_constant=_torque_constant(dut),
             )
             return drive_node(config, plant)
         case "load":

@@ -12,7 +12,8 @@ from typing import NamedTuple, NoReturn, cast
 import numpy as np
 
 from sim_backend.errors import ModelError
-from sim_backend.model import stepper
+from sim_backend.model import springs, stepper
+from sim_backend.model.compliance import Compliance
 from sim_backend.model.constants import derive
 from sim_backend.model.effects import ActiveEffect
 from sim_backend.model.kernel import plant_kernel
@@ -30,6 +31,8 @@ _seen = itemgetter(
     stepper.OUTPUT_VELOCITY,
     stepper.LOAD_TORQUE,
     stepper.OUTPUT_TORQUE,
+    stepper.GEAR_TEMPERATURE,
+    stepper.WINDING_TEMPERATURE,
 )
 """What the instruments see of the state; the load drive sits on the output shaft, so it sees the output's angle."""
 
@@ -51,11 +54,19 @@ _AXES = {
 }
 
 
-class PlantTruth(NamedTuple):
-    """The plant's state itself, without instruments: rad, rad/s, N*m; energies in J since the start.
+_FLEXSPLINE_ENERGY = {
+    Compliance.ARCTAN: springs.flexspline_energy,
+    Compliance.CUBIC: springs.cubic_flexspline_energy,
+    Compliance.PIECEWISE: springs.piecewise_flexspline_energy,
+}
 
-    `flexspline_torque` and `wave_generator_torque` are T_F and T_w. `work` is what both drives put in, `heat` what
-    friction and dampers took, `effect_work` what the effects took; `stored` is kinetic and elastic energy now.
+
+class PlantTruth(NamedTuple):
+    """The plant's state itself, without instruments: rad, rad/s, N*m, A, degC; energies in J since the start.
+
+    `motor_current` is the one that the motor's drive believes in. `flexspline_torque` and `wave_generator_torque` are
+    T_F and T_w. `work` is what both drives put in, `heat` what friction and dampers took, `effect_work` what the
+    effects took; `stored` is kinetic and elastic energy now. The temperatures come of that heat, not on top of it.
     """
 
     time: float
@@ -69,6 +80,9 @@ class PlantTruth(NamedTuple):
     output_torque: float
     flexspline_torque: float
     wave_generator_torque: float
+    motor_current: float
+    temperature: float
+    motor_temperature: float
     work: float
     heat: float
     effect_work: float
@@ -78,6 +92,7 @@ class PlantTruth(NamedTuple):
 class Plant:
     """A bench in simulated time; sense `opposed`. Implements `sim_backend.ports.PlantPort`.
 
+    Raises ModelError if the plant cannot have an effect, or an effect assumes another bench than `config`.
     It starts at rest without torque, motor at angle zero, both drives off, output free. `effects` are active for the
     plant's life. `seed` fixes the instruments' noise. `compiled=False` runs the same source as plain Python.
     """
@@ -87,15 +102,16 @@ class Plant:
     ) -> None:
         self.config = config
         self.effects = tuple(effects)
-        self._kernel = plant_kernel(self.effects, compiled=compiled)
+        _check_known(self.effects, config)
+        self._kernel = plant_kernel(self.effects, config.law, compiled=compiled)
         self._derived = derive(config)
         self._constants = np.array(self._derived, dtype=np.float64)
         self._state = np.zeros(self._kernel.state_size)
         self._inputs = np.zeros(stepper.INPUT_SIZE)
         self._inputs[stepper.MOTOR_LIMIT] = config.motor_rated_torque
         self._inputs[stepper.LOAD_LIMIT] = config.load_rated_torque
-        self._inputs[stepper.TEMPERATURE] = config.temperature
-        self._inputs[stepper.MOTOR_TEMPERATURE] = config.motor_temperature
+        self._state[stepper.GEAR_TEMPERATURE] = config.temperature
+        self._state[stepper.WINDING_TEMPERATURE] = config.motor_temperature
         self._random = np.random.default_rng(seed)
         # single numbers go in and out of a memoryview in half the time that an array takes
         self._state_view = cast("memoryview[float]", self._state.data)
@@ -159,7 +175,9 @@ class Plant:
         """Clamp the output to the fixture where it stands, or let it go."""
         if locked == self.locked:
             return
-        self._state[stepper.DISSIPATED] += self._fixture_energy()
+        lost = self._fixture_energy()
+        self._state[stepper.DISSIPATED] += lost
+        self._state[stepper.HEAT_BEFORE] += lost  # it does not warm the gear
         self._inputs[stepper.LOCKED] = 1.0 if locked else 0.0
         self._inputs[stepper.LOCK_POSITION] = self._state[stepper.OUTPUT_POSITION]
         self._state[stepper.FIXTURE_TORQUE] = 0.0
@@ -172,7 +190,9 @@ class Plant:
         `output_torque` is the transducer between the output flange and what is outside: load drive and fixture.
         """
         if self._reading is None:
-            angle, velocity, torque, output_angle, output_velocity, load, outside = _seen(self._state_view)
+            angle, velocity, torque, output_angle, output_velocity, load, outside, gear, winding = _seen(
+                self._state_view
+            )
             if self._kernel.readings:
                 for_angle, for_velocity, for_output_angle, for_output_velocity, for_outside = _errors(self._state_view)
                 angle += for_angle
@@ -196,8 +216,8 @@ class Plant:
                     load + n_load,
                     output_angle,
                     outside + n_outside,
-                    self.config.temperature,
-                    self.config.motor_temperature,
+                    gear,
+                    winding,
                 )
             )
         return self._reading
@@ -217,6 +237,9 @@ class Plant:
             output_torque=s[stepper.OUTPUT_TORQUE],
             flexspline_torque=s[stepper.T_F_NOW],
             wave_generator_torque=s[stepper.T_W_NOW],
+            motor_current=s[stepper.SHOWN_TORQUE] / self._derived.torque_constant,
+            temperature=s[stepper.GEAR_TEMPERATURE],
+            motor_temperature=s[stepper.WINDING_TEMPERATURE],
             work=s[stepper.WORK],
             heat=s[stepper.DISSIPATED],
             effect_work=s[stepper.EFFECT_WORK],
@@ -224,7 +247,7 @@ class Plant:
         )
 
     def _draw_noise(self) -> Iterator[list[float]]:
-        """Draw the noise of the next readings, in the order of `_seen`."""
+        """Draw the noise of the next readings, in the order of `_seen`; the temperatures have none."""
         c = self.config
         drawn = self._random.standard_normal((_NOISE_BLOCK, 7))
         drawn *= (
@@ -241,17 +264,9 @@ class Plant:
     def _stored_energy(self) -> float:
         s: list[float]
         s, c = self._state.tolist(), self._derived
-        flexspline = abs(s[stepper.OUTPUT_POSITION] - s[stepper.ERROR] - s[stepper.SERIES_ANGLE] - s[stepper.RIM])
-        bent = min(flexspline, c.flexspline_knee)
-        straight = flexspline - bent
-        energy = -math.log(math.cos(c.C_F * c.K_F0 * bent)) / (c.C_F**2 * c.K_F0)
-        energy += straight * (c.flexspline_knee_torque + 0.5 * c.flexspline_cap * straight)
-        wave_generator = abs(s[stepper.MOTOR_POSITION] + c.ratio * s[stepper.RIM])
-        bent = min(wave_generator, c.wave_generator_knee)
-        straight = wave_generator - bent
-        share = c.C_w * c.K_w0 * bent
-        energy += ((1.0 - share) * math.log1p(-share) + share) / (c.C_w**2 * c.K_w0)
-        energy += straight * (c.wave_generator_knee_torque + 0.5 * c.wave_generator_cap * straight)
+        flexspline = s[stepper.OUTPUT_POSITION] - s[stepper.ERROR] - s[stepper.SERIES_ANGLE] - s[stepper.RIM]
+        energy = _FLEXSPLINE_ENERGY[self.config.law](flexspline, c)
+        energy += springs.wave_generator_energy(s[stepper.MOTOR_POSITION] + c.ratio * s[stepper.RIM], c)
         energy += 0.5 * c.motor_inertia * s[stepper.MOTOR_VELOCITY] ** 2
         energy += 0.5 * c.output_inertia * s[stepper.OUTPUT_VELOCITY] ** 2
         return energy + self._fixture_energy()
@@ -262,6 +277,19 @@ class Plant:
             return 0.0
         stretch = float(self._state[stepper.OUTPUT_POSITION] - self._inputs[stepper.LOCK_POSITION])
         return 0.5 * self.config.fixture_stiffness * stretch**2
+
+
+def _check_known(effects: Sequence[ActiveEffect], config: PlantConfig) -> None:
+    """Raise ModelError if an effect was given another ratio or torque constant than the bench has."""
+    own = {"ratio": config.drive.ratio, "torque_constant": config.torque_constant}
+    for active in effects:
+        for parameter, value in zip(active.effect.parameters, active.values, strict=True):
+            name = parameter.name
+            if parameter.known and name in own and not math.isclose(value, own[name], rel_tol=1e-9):
+                raise ModelError(
+                    f"{active.effect.id}: {name} = {value!r} {parameter.unit} contradicts the bench, which has "
+                    f"{own[name]!r} {parameter.unit}; {active.effect.equation} needs the same."
+                )
 
 
 def _unknown(axis: str) -> NoReturn:

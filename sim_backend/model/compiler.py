@@ -16,7 +16,8 @@ from types import ModuleType
 from sim_backend.errors import ModelError
 
 _PLAIN = "def compiled(function):\n    return function\n"
-_COMPILED = "import numba\n\ncompiled = numba.njit(cache=True, error_model='numpy')\n"
+# without forceinline LLVM leaves the solvers out of line, and a step of the plant costs half as much again
+_COMPILED = "import numba\n\ncompiled = numba.njit(cache=True, error_model='numpy', forceinline=True)\n"
 _HEADER = '''"""{title}. Generated; edits here are lost."""
 
 from __future__ import annotations

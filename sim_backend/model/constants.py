@@ -4,11 +4,16 @@ import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from sim_backend.model.parameters import PlantConfig
+from sim_backend.model.parameters import Cubic, Piecewise, PlantConfig
 
 
 class Constants(NamedTuple):
-    """Constants of one plant. A knee is where a spring goes on in a straight line: windup, torque, stiffness."""
+    """Constants of one plant. A knee is where a spring goes on in a straight line: windup, torque, stiffness.
+
+    A settling is the part of the way to its final temperature that a thermal node goes in one tick of the drive loops.
+    a1, a3: of the cubic law (10); K1 to torsion_2: of the piecewise linear law (11) with the torsions at T1 and T2; 0
+    where the flexspline has another law.
+    """
 
     step: float
     ratio: float
@@ -29,11 +34,18 @@ class Constants(NamedTuple):
     near: float
     motor_inertia: float
     output_inertia: float
+    output_viscous_friction: float
     rotor_friction: float
     rotor_viscous_friction: float
     running_friction: float
     running_viscous_friction: float
     torque_constant: float
+    winding_resistance: float
+    ambient_temperature: float
+    gear_thermal_resistance: float
+    gear_settling: float
+    motor_thermal_resistance: float
+    motor_settling: float
     fixture_stiffness: float
     fixture_damping: float
     current_decay: float
@@ -48,6 +60,15 @@ class Constants(NamedTuple):
     load_velocity_gain: float
     load_integral_gain: float
     load_speed_limit: float
+    a1: float
+    a3: float
+    K1: float
+    K2: float
+    K3: float
+    T1: float
+    T2: float
+    torsion_1: float
+    torsion_2: float
 
 
 def unpack(values: Iterable[float]) -> Constants:
@@ -65,9 +86,8 @@ def derive(config: PlantConfig) -> Constants:
     P (I + Q P) > Q I J with velocity P, integral I and position gain Q: 3.25 P^3/J against 2.25 P^3/J.
     """
     drive = config.drive
-    flexspline_slope = math.sqrt(config.flexspline_stiffness_cap / drive.K_F0 - 1.0)
     wave_generator_knee_torque = math.log(config.wave_generator_stiffness_cap / drive.K_w0) / drive.C_w
-    flexspline_knee_torque = flexspline_slope / drive.C_F
+    flexspline = _flexspline(config)
     decay = math.exp(-config.step / config.current_loop_time)
     motor_bandwidth = 2.0 * math.pi * 300.0
     motor_velocity_gain = motor_bandwidth * config.motor_inertia
@@ -79,8 +99,8 @@ def derive(config: PlantConfig) -> Constants:
         ratio=drive.ratio,
         K_F0=drive.K_F0,
         C_F=drive.C_F,
-        flexspline_knee=math.atan(flexspline_slope) / (drive.C_F * drive.K_F0),
-        flexspline_knee_torque=flexspline_knee_torque,
+        flexspline_knee=flexspline.knee,
+        flexspline_knee_torque=flexspline.knee_torque,
         flexspline_cap=config.flexspline_stiffness_cap,
         flexspline_damping=config.flexspline_damping,
         K_w0=drive.K_w0,
@@ -91,14 +111,21 @@ def derive(config: PlantConfig) -> Constants:
         wave_generator_damping=config.wave_generator_damping,
         friction_torque=drive.friction_torque,
         rim_damping=drive.viscous_friction * drive.ratio**2,
-        near=math.sqrt(_TORQUE_ACCURACY / (0.5 * drive.C_w / drive.ratio + drive.C_F**2 * flexspline_knee_torque)),
+        near=math.sqrt(_TORQUE_ACCURACY / (0.5 * drive.C_w / drive.ratio + flexspline.curvature)),
         motor_inertia=config.motor_inertia,
         output_inertia=config.output_inertia,
+        output_viscous_friction=config.output_viscous_friction,
         rotor_friction=config.rotor_friction,
         rotor_viscous_friction=config.rotor_viscous_friction,
         running_friction=drive.friction_torque / drive.ratio + config.rotor_friction,
         running_viscous_friction=drive.viscous_friction + config.rotor_viscous_friction,
         torque_constant=config.torque_constant,
+        winding_resistance=_winding_resistance(config),
+        ambient_temperature=config.ambient_temperature,
+        gear_thermal_resistance=config.gear_thermal_resistance,
+        gear_settling=_settling(config.loop_period, config.gear_thermal_resistance * config.gear_heat_capacity),
+        motor_thermal_resistance=config.motor_thermal_resistance,
+        motor_settling=_settling(config.loop_period, config.motor_thermal_resistance * config.motor_heat_capacity),
         fixture_stiffness=config.fixture_stiffness,
         fixture_damping=config.fixture_damping,
         current_decay=decay,
@@ -113,8 +140,70 @@ def derive(config: PlantConfig) -> Constants:
         load_velocity_gain=load_velocity_gain,
         load_integral_gain=2.25 * load_velocity_gain * load_position_gain,
         load_speed_limit=config.load_speed_limit,
+        a1=flexspline.a1,
+        a3=flexspline.a3,
+        K1=flexspline.K1,
+        K2=flexspline.K2,
+        K3=flexspline.K3,
+        T1=flexspline.T1,
+        T2=flexspline.T2,
+        torsion_1=flexspline.torsion_1,
+        torsion_2=flexspline.torsion_2,
     )
 
+
+class _Flexspline(NamedTuple):
+    """What the chosen law needs. `curvature`: largest error of a linear step, N*m per (N*m)^2 of its residual."""
+
+    knee: float
+    knee_torque: float
+    curvature: float
+    a1: float = 0.0
+    a3: float = 0.0
+    K1: float = 0.0
+    K2: float = 0.0
+    K3: float = 0.0
+    T1: float = 0.0
+    T2: float = 0.0
+    torsion_1: float = 0.0
+    torsion_2: float = 0.0
+
+
+def _flexspline(config: PlantConfig) -> _Flexspline:
+    drive, cap = config.drive, config.flexspline_stiffness_cap
+    match config.flexspline:
+        case None:
+            slope = math.sqrt(cap / drive.K_F0 - 1.0)
+            knee_torque = slope / drive.C_F
+            return _Flexspline(math.atan(slope) / (drive.C_F * drive.K_F0), knee_torque, drive.C_F**2 * knee_torque)
+        case Cubic(a1, a3):
+            knee = math.sqrt((cap - a1) / (3.0 * a3)) if a3 > 0.0 else math.inf
+            # 3 a3 f / (a1 + 3 a3 f^2)^2 is largest at f = sqrt(a1 / (9 a3))
+            curvature = 9.0 / 16.0 * math.sqrt(a3 / a1**3)
+            return _Flexspline(knee, knee * (a1 + a3 * knee**2) if a3 > 0.0 else math.inf, curvature, a1, a3)
+        case Piecewise(K1, K2, K3, T1, T2):
+            first = T1 / K1
+            second = first + (T2 - T1) / K2
+            return _Flexspline(
+                math.inf, math.inf, 0.0, K1=K1, K2=K2, K3=K3, T1=T1, T2=T2, torsion_1=first, torsion_2=second
+            )
+
+
+def _winding_resistance(config: PlantConfig) -> float:
+    """Give the resistance of the winding, ohm; where it is not stated, that of a motor which the rating describes."""
+    if config.winding_resistance is not None:
+        return config.winding_resistance
+    rated_current = config.motor_rated_torque / config.torque_constant
+    return _RATED_WARMING / (config.motor_thermal_resistance * rated_current**2)
+
+
+def _settling(period: float, time_constant: float) -> float:
+    """Give the part of the way to its final temperature which a node goes in one period."""
+    return -math.expm1(-period / time_constant)
+
+
+_RATED_WARMING = 75.0
+"""K above ambient of a motor at its rated torque for hours: from 25 degC to the 100 degC of an ordinary winding."""
 
 _TORQUE_ACCURACY = 1e-10
 """N*m at the output: largest error of the linear last step of the rim's solution, from the springs' curvature."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sim_backend.errors import ModelError
 from sim_backend.model import constants, drive_loop, effect_sums, rim, series, springs, stepper
 from sim_backend.model.compiler import load
+from sim_backend.model.compliance import Compliance
 from sim_backend.model.effects import ActiveEffect, Effect, Enters
 from sim_backend.model.source import definitions, function_source
 
@@ -60,13 +61,15 @@ class _Placed:
         return f"effect_{self.number}{what}({', '.join(arguments)})"
 
 
-def plant_kernel(effects: Sequence[ActiveEffect], *, compiled: bool = True) -> Kernel:
-    """Give the kernel for these effects, compiled on first use and then from the user's cache.
+def plant_kernel(
+    effects: Sequence[ActiveEffect], law: Compliance = Compliance.ARCTAN, *, compiled: bool = True
+) -> Kernel:
+    """Give the kernel for these effects and this law of the flexspline, compiled once and then from the user's cache.
 
     Raises ModelError if an effect takes or changes a signal that the plant does not have, or enters where it cannot.
     """
     kinds = [active.effect for active in effects]
-    module: Any = load("The plant of a simulated bench", kernel_source(kinds), compiled=compiled)
+    module: Any = load("The plant of a simulated bench", kernel_source(kinds, law), compiled=compiled)
     values = [value for active in effects for value in active.values]
     return Kernel(
         start=module.start,
@@ -77,7 +80,7 @@ def plant_kernel(effects: Sequence[ActiveEffect], *, compiled: bool = True) -> K
     )
 
 
-def kernel_source(effects: Sequence[Effect]) -> str:
+def kernel_source(effects: Sequence[Effect], law: Compliance = Compliance.ARCTAN) -> str:
     """Give the source of everything the kernel consists of; it depends on the effects, not on their values."""
     for effect in effects:
         _check(effect)
@@ -102,13 +105,13 @@ def kernel_source(effects: Sequence[Effect]) -> str:
     open_ = [p for p in in_torsion if p not in closed]
     return "\n\n".join(
         [
-            definitions(constants, "unpack", "derive"),
+            definitions(constants, "Constants"),
             _unpack(),
-            definitions(springs),
+            _springs(law),
             definitions(rim),
             definitions(drive_loop),
             *functions,
-            definitions(effect_sums, *_SUMS, *_SWITCHES, "Array"),
+            definitions(effect_sums, "Signals"),
             f"FRICTION, SERIES, READINGS = {bool(entering[Enters.FRICTION])}, {bool(in_series)}, {any(readings)}",
             _sum(
                 "torsion_effects",
@@ -131,20 +134,6 @@ def kernel_source(effects: Sequence[Effect]) -> str:
             definitions(stepper),
         ]
     )
-
-
-_SWITCHES = ("FRICTION", "SERIES", "READINGS")
-_SUMS = (
-    "torsion_effects",
-    "series_effects",
-    "keep_series",
-    "series_slope",
-    "friction_effects",
-    "motor_effects",
-    "output_effects",
-    "reading_errors",
-)
-"""What this module writes in place of what `effect_sums` defines."""
 
 
 def _check(effect: Effect) -> None:
@@ -194,6 +183,21 @@ def _copy(count: int, source: int, target: int) -> list[str]:
 
 def _lines(body: Iterable[str]) -> str:
     return "\n".join(f"    {line}" for line in body)
+
+
+def _springs(law: Compliance) -> str:
+    """Give the two springs of the plant, the flexspline's under the name that the rim calls."""
+    chosen = _FLEXSPLINES[law]
+    source = definitions(springs, chosen, "wave_generator_torque")
+    called = _FLEXSPLINES[Compliance.ARCTAN]
+    return source if chosen == called else f"{source}\n\n{called} = {chosen}"
+
+
+_FLEXSPLINES = {
+    Compliance.ARCTAN: "flexspline_torque",
+    Compliance.CUBIC: "cubic_flexspline_torque",
+    Compliance.PIECEWISE: "piecewise_flexspline_torque",
+}
 
 
 def _unpack() -> str:

@@ -6,6 +6,8 @@ from enum import StrEnum
 from typing import Self
 
 from sim_backend.errors import ModelError
+from sim_backend.model.checks import require
+from sim_backend.model.compliance import Compliance
 from sim_backend.model.estimation import flexspline_from_catalogue, wave_generator_from_tests
 
 
@@ -34,13 +36,13 @@ class HarmonicDrive:
     viscous_friction: float = 0.0
 
     def __post_init__(self) -> None:
-        _check("ratio", self.ratio, "", low=1.0)
-        _check("K_F0", self.K_F0, "N*m/rad", above=0.0)
-        _check("C_F", self.C_F, "1/(N*m)", above=0.0)
-        _check("K_w0", self.K_w0, "N*m/rad", above=0.0)
-        _check("C_w", self.C_w, "1/(N*m)", above=0.0)
-        _check("friction_torque", self.friction_torque, "N*m", low=0.0)
-        _check("viscous_friction", self.viscous_friction, "N*m*s", low=0.0)
+        require("ratio", self.ratio, "", "theta_w = -N theta_F, Zhang (4),", low=1.0)
+        require("K_F0", self.K_F0, "N*m/rad", "K_FL = K_F0 (1 + (C_F T_F)^2), Zhang (22),", above=0.0)
+        require("C_F", self.C_F, "1/(N*m)", "f(T_F) = arctan(C_F T_F)/(C_F K_F0), Zhang (24),", above=0.0)
+        require("K_w0", self.K_w0, "N*m/rad", "K_wL = K_w0 exp(C_w |T_w|), Zhang (25),", above=0.0)
+        require("C_w", self.C_w, "1/(N*m)", "g(T_w) = (1 - exp(-C_w |T_w|))/(C_w K_w0), Zhang (27),", above=0.0)
+        require("friction_torque", self.friction_torque, "N*m", _RIM, low=0.0)
+        require("viscous_friction", self.viscous_friction, "N*m*s", _RIM, low=0.0)
 
     @classmethod
     def from_catalogue(
@@ -61,7 +63,7 @@ class HarmonicDrive:
         starting_torque: N*m at the motor. See `estimation` for what the paper printed otherwise.
         Raises ModelError if a value is out of range or no drive has these stiffnesses.
         """
-        _check("ratio", ratio, "", low=1.0)
+        require("ratio", ratio, "", "K_w0 = 2 T_fs/(N Psi), Zhang (33),", low=1.0)
         K_F0, C_F = flexspline_from_catalogue(K1, K2, T1, T2)
         K_w0, C_w = wave_generator_from_tests(ratio, hysteresis_loss, starting_torque)
         return cls(
@@ -76,25 +78,62 @@ class HarmonicDrive:
 
 
 @dataclass(frozen=True, slots=True)
+class Cubic:
+    """Flexspline after Zhang (10), T = a1 f + a3 f^3: a1 in N*m/rad, a3 in N*m/rad^3; a3 = 0 is a linear spring."""
+
+    a1: float
+    a3: float
+
+    def __post_init__(self) -> None:
+        require("a1", self.a1, "N*m/rad", "T = a1 f + a3 f^3, Zhang (10),", above=0.0)
+        require("a3", self.a3, "N*m/rad^3", "T = a1 f + a3 f^3, Zhang (10), which must not fall,", low=0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Piecewise:
+    """Flexspline after Zhang (11), continued as an odd law: slopes 1/K1, 1/K2 above T1, 1/K3 above T2; N*m/rad, N*m."""
+
+    K1: float
+    K2: float
+    K3: float
+    T1: float
+    T2: float
+
+    def __post_init__(self) -> None:
+        for name in ("K1", "K2", "K3"):
+            require(name, getattr(self, name), "N*m/rad", "f = T/K1 up to T1, Zhang (11),", above=0.0)
+        require("T1", self.T1, "N*m", "f = T/K1 up to T1, Zhang (11),", above=0.0)
+        require("T2", self.T2, "N*m", "f = T1/K1 + (T - T1)/K2 from T1 to T2, Zhang (11),", above=self.T1)
+
+
+@dataclass(frozen=True, slots=True)
 class PlantConfig:
     """Everything the simulated bench consists of. Inertias kg*m^2, damping N*m*s/rad, each at its own shaft.
 
     All dry and viscous friction of the base plant sits at the rim (the tooth mesh): `drive.friction_torque` and
-    `drive.viscous_friction`. `rotor_friction` (N*m) and `rotor_viscous_friction` (N*m*s) come on top of it.
+    `drive.viscous_friction`. `rotor_friction` (N*m) and `rotor_viscous_friction` (N*m*s) come on top of it,
+    and so does `output_viscous_friction` (N*m*s) at the output.
     `output_inertia` includes arm and load motor. The damping of the springs is structural: the rotor on the
     sticking rim rings at 34 Hz with a damping ratio of about 0.15. Both springs go on in a straight line above their
     stiffness caps (at 1000 N*m/rad the torsion differs by 0.4 urad rms from equation (28)).
+    `flexspline`: another law of the flexspline in place of the drive's own (24).
     `torque_constant` (N*m/A) is the one that the motor's drive believes in.
+    Gear housing and motor are one thermal node each between their heat and `ambient_temperature` (degC): heat capacity
+    J/K, thermal resistance K/W. Friction and dampers warm the gear, the current the motor through `winding_resistance`
+    (ohm; None: the one with which the rated torque warms it by 75 K in the end). With the default values, which are
+    working values for size 17, both settle in about 20 minutes and 2000 rpm without load warm the gear by some 30 K.
     Noises are standard deviations of white noise per reading.
     """
 
     drive: HarmonicDrive
     rotation: Rotation = Rotation.OPPOSED
+    flexspline: Cubic | Piecewise | None = None
     rotor_inertia: float = 2.2e-5
     wave_generator_inertia: float = 7.9e-6
     output_inertia: float = 5e-4
     rotor_friction: float = 0.0
     rotor_viscous_friction: float = 0.0
+    output_viscous_friction: float = 0.0
     wave_generator_damping: float = 1.9e-3
     flexspline_damping: float = 0.2
     wave_generator_stiffness_cap: float = 1000.0
@@ -118,6 +157,12 @@ class PlantConfig:
     load_velocity_noise: float = 1e-4
     temperature: float = 25.0
     motor_temperature: float = 25.0
+    ambient_temperature: float = 25.0
+    gear_heat_capacity: float = 300.0
+    gear_thermal_resistance: float = 4.0
+    motor_heat_capacity: float = 170.0
+    motor_thermal_resistance: float = 6.5
+    winding_resistance: float | None = None
 
     def __post_init__(self) -> None:
         if self.rotation is not Rotation.OPPOSED:
@@ -125,14 +170,15 @@ class PlantConfig:
                 f"rotation = {str(self.rotation)!r}: the simulated bench turns its output against the motor only. "
                 f"Use 'opposed', or mirror the motor's signals before they reach the model."
             )
-        for name, unit in _POSITIVE.items():
-            _check(name, getattr(self, name), unit, above=0.0)
-        for name, unit in _NOT_NEGATIVE.items():
-            _check(name, getattr(self, name), unit, low=0.0)
-        _check("wave_generator_stiffness_cap", self.wave_generator_stiffness_cap, "N*m/rad", above=self.drive.K_w0)
-        _check("flexspline_stiffness_cap", self.flexspline_stiffness_cap, "N*m/rad", above=self.drive.K_F0)
-        _check("temperature", self.temperature, "degC", low=-273.15)
-        _check("motor_temperature", self.motor_temperature, "degC", low=-273.15)
+        for name, (unit, equation) in _POSITIVE.items():
+            require(name, getattr(self, name), unit, equation, above=0.0)
+        for name, (unit, equation) in _NOT_NEGATIVE.items():
+            require(name, getattr(self, name), unit, equation, low=0.0)
+        for name in ("temperature", "motor_temperature", "ambient_temperature"):
+            require(name, getattr(self, name), "degC", _THERMAL, low=-273.15)
+        if self.winding_resistance is not None:
+            require("winding_resistance", self.winding_resistance, "ohm", "the heat R i^2 of the motor", low=0.0)
+        self._check_caps()
         ticks = self.loop_period / self.step
         if round(ticks) < 1 or not math.isclose(ticks, round(ticks), rel_tol=1e-9):
             raise ModelError(
@@ -140,6 +186,20 @@ class PlantConfig:
                 f"it is {ticks:g} steps."
             )
         self._check_step()
+
+    def _check_caps(self) -> None:
+        """Raise ModelError if a spring is stiffer at rest than the stiffness up to which its law is followed."""
+        K_w0, cap = self.drive.K_w0, self.wave_generator_stiffness_cap
+        require("wave_generator_stiffness_cap", cap, "N*m/rad", f"K_w0 = {K_w0:g} N*m/rad of Zhang (25)", above=K_w0)
+        match self.flexspline:
+            case None:
+                at_rest, law = self.drive.K_F0, f"K_F0 = {self.drive.K_F0:g} N*m/rad of Zhang (22)"
+            case Cubic(a1):
+                at_rest, law = a1, f"a1 = {a1:g} N*m/rad of Zhang (10)"
+            case Piecewise(K1, K2, K3):
+                at_rest = max(K1, K2, K3)
+                law = f"the largest of K1, K2, K3 of Zhang (11), {at_rest:g} N*m/rad,"
+        require("flexspline_stiffness_cap", self.flexspline_stiffness_cap, "N*m/rad", law, above=at_rest)
 
     def _check_step(self) -> None:
         """Raise ModelError if the stiffest spring with the lightest body swings too fast for the step."""
@@ -154,55 +214,60 @@ class PlantConfig:
             )
 
     @property
+    def law(self) -> Compliance:
+        """The flexspline's law by its name."""
+        match self.flexspline:
+            case None:
+                return Compliance.ARCTAN
+            case Cubic():
+                return Compliance.CUBIC
+            case Piecewise():
+                return Compliance.PIECEWISE
+
+    @property
     def motor_inertia(self) -> float:
         """Rotor and wave generator together, kg*m^2."""
         return self.rotor_inertia + self.wave_generator_inertia
 
 
+_RIM = "|T_F + N T_w| = friction_torque + N^2 viscous_friction |v| of the sliding rim"
+_MOTOR = "(J_m + J_wg) dw/dt = sum of torques"
+_OUTPUT = "J_l dw/dt = sum of torques"
+_FIXTURE = "the fixture's torque K_fix theta + damping"
+_LOOPS = "the simulated drive"
+_THERMAL = "C dtheta/dt = power - (theta - ambient)/R"
+_NOISE = "the white noise of a reading"
+
 _POSITIVE = {
-    "rotor_inertia": "kg*m^2",
-    "output_inertia": "kg*m^2",
-    "fixture_stiffness": "N*m/rad",
-    "torque_constant": "N*m/A",
-    "motor_rated_torque": "N*m",
-    "load_rated_torque": "N*m",
-    "motor_speed_limit": "rad/s",
-    "load_speed_limit": "rad/s",
-    "current_loop_time": "s",
-    "loop_period": "s",
-    "step": "s",
+    "rotor_inertia": ("kg*m^2", _MOTOR),
+    "output_inertia": ("kg*m^2", _OUTPUT),
+    "fixture_stiffness": ("N*m/rad", _FIXTURE),
+    "torque_constant": ("N*m/A", "motor_torque = k_t i"),
+    "motor_rated_torque": ("N*m", _LOOPS),
+    "load_rated_torque": ("N*m", _LOOPS),
+    "motor_speed_limit": ("rad/s", _LOOPS),
+    "load_speed_limit": ("rad/s", _LOOPS),
+    "current_loop_time": ("s", _LOOPS),
+    "loop_period": ("s", _LOOPS),
+    "step": ("s", "the integration"),
+    "gear_heat_capacity": ("J/K", _THERMAL),
+    "gear_thermal_resistance": ("K/W", _THERMAL),
+    "motor_heat_capacity": ("J/K", _THERMAL),
+    "motor_thermal_resistance": ("K/W", _THERMAL),
 }
 _NOT_NEGATIVE = {
-    "wave_generator_inertia": "kg*m^2",
-    "rotor_friction": "N*m",
-    "rotor_viscous_friction": "N*m*s",
-    "wave_generator_damping": "N*m*s/rad",
-    "flexspline_damping": "N*m*s/rad",
-    "fixture_damping": "N*m*s/rad",
-    "output_torque_noise": "N*m",
-    "motor_torque_noise": "N*m",
-    "load_torque_noise": "N*m",
-    "motor_angle_noise": "rad",
-    "output_angle_noise": "rad",
-    "motor_velocity_noise": "rad/s",
-    "load_velocity_noise": "rad/s",
+    "wave_generator_inertia": ("kg*m^2", _MOTOR),
+    "rotor_friction": ("N*m", _MOTOR),
+    "rotor_viscous_friction": ("N*m*s", _MOTOR),
+    "output_viscous_friction": ("N*m*s", _OUTPUT),
+    "wave_generator_damping": ("N*m*s/rad", "T_w = g^-1(theta) + damping"),
+    "flexspline_damping": ("N*m*s/rad", "T_F = f^-1(theta) + damping"),
+    "fixture_damping": ("N*m*s/rad", _FIXTURE),
+    "output_torque_noise": ("N*m", _NOISE),
+    "motor_torque_noise": ("N*m", _NOISE),
+    "load_torque_noise": ("N*m", _NOISE),
+    "motor_angle_noise": ("rad", _NOISE),
+    "output_angle_noise": ("rad", _NOISE),
+    "motor_velocity_noise": ("rad/s", _NOISE),
+    "load_velocity_noise": ("rad/s", _NOISE),
 }
-
-
-def _check(
-    name: str,
-    value: float,
-    unit: str,
-    *,
-    low: float = -math.inf,
-    above: float = -math.inf,
-    below: float = math.inf,
-) -> None:
-    """Raise ModelError unless `value` is finite, >= low, > above and < below."""
-    if math.isfinite(value) and value >= low and value > above and value < below:
-        return
-    wanted = f"at least {low:g}" if math.isfinite(low) else f"above {above:g}"
-    if math.isfinite(below):
-        wanted += f" and below {below:g}"
-    text = f"{name} = {value!r} {unit}".rstrip()
-    raise ModelError(f"{text} cannot be simulated: it must be finite, {wanted} {unit}".rstrip() + ".")

@@ -12,18 +12,17 @@ ALLOWED_GLOBALS = frozenset({"math", "np", "abs", "min", "max", "float", "int", 
 """What an effect's function may use besides its arguments: a generated module has these and nothing else."""
 
 
-def definitions(module: ModuleType, *leave_out: str) -> str:
-    """Give the constants, functions and tuple classes which `module` defines, without its imports and docstring."""
-    tree = ast.parse(inspect.getsource(module))
+def definitions(module: ModuleType, *only: str) -> str:
+    """Give the constants, functions and tuple classes which `module` defines, without its imports and docstring.
+
+    only: names of the functions and classes wanted, if not all.
+    """
     kept = []
-    for node in tree.body:
+    for node in ast.parse(inspect.getsource(module)).body:
         if isinstance(node, ast.Import | ast.ImportFrom | ast.Expr):
             continue
-        if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name in leave_out:
-            continue
-        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) in leave_out:
-            continue
-        kept.append(node)
+        if not only or (isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name in only):
+            kept.append(node)
     return "\n\n".join(_decorated(node) for node in kept)
 
 

@@ -1,7 +1,7 @@
 """One bench over many steps: rotor and output by velocity Verlet, the rim by return mapping, drive loops inside.
 
     (J_m + J_wg) dw_m/dt = motor_torque + T_w + T_F de/dtheta_m - rotor friction - motor effects
-    J_l dw_o/dt = load_torque - fixture - T_F - output effects
+    J_l dw_o/dt = load_torque - fixture - T_F - output friction - output effects
     T_F = f^-1(theta_o - rim - e),  T_w = g^-1(-N rim - theta_m), each with its spring's damper
 
 One evaluation of the springs per step, second order. Velocities inside forces are extrapolated to the end of the
@@ -62,8 +62,8 @@ from sim_backend.model.series import Series, move_rim_in_series
     SERIES_TORSION,
     SERIES_TORQUE,
     SERIES_ANGLE,
+    SERIES_STIFFNESS,
     SERIES_COMPLIANCE,
-    SERIES_SHARE,
     PULL,
     MOTOR_POSITION_ERROR,
     MOTOR_VELOCITY_ERROR,
@@ -78,11 +78,14 @@ from sim_backend.model.series import Series, move_rim_in_series
     LOAD_INTEGRAL,
     MOTOR_LIMITED,
     LOAD_LIMITED,
+    GEAR_TEMPERATURE,
+    WINDING_TEMPERATURE,
+    HEAT_BEFORE,
     WORK,
     DISSIPATED,
     EFFECT_WORK,
     STATE_SIZE,
-) = range(45)
+) = range(48)
 """Places in the state array; the effects' memory follows. SHOWN_TORQUE is what the motor's drive believes in.
 
 The last three are the energy account, J: work of both drives, heat, work on effects.
@@ -97,10 +100,8 @@ The last three are the energy account, J: work of both drives, heat, work on eff
     LOAD_LIMIT,
     LOCKED,
     LOCK_POSITION,
-    TEMPERATURE,
-    MOTOR_TEMPERATURE,
     INPUT_SIZE,
-) = range(11)
+) = range(9)
 """Places in the array of inputs."""
 
 
@@ -119,7 +120,8 @@ def signals_at(
     shown_torque: float,
     output_position: float,
     output_velocity: float,
-    inputs: NDArray[np.float64],
+    locked: float,
+    s: NDArray[np.float64],
     c: Constants,
 ) -> Signals:
     """Give the signals that effects take; the current is the one that the motor's drive believes in."""
@@ -131,9 +133,9 @@ def signals_at(
         shown_torque / c.torque_constant,
         output_position,
         output_velocity,
-        inputs[TEMPERATURE],
-        inputs[MOTOR_TEMPERATURE],
-        inputs[LOCKED],
+        s[GEAR_TEMPERATURE],
+        s[WINDING_TEMPERATURE],
+        locked,
         c.running_friction + c.running_viscous_friction * abs(motor_velocity),
     )
 
@@ -175,6 +177,16 @@ def read_errors(
     s[MOTOR_TORQUE_ERROR], s[OUTPUT_TORQUE_ERROR] = motor_torque, output_torque_error
 
 
+def warm_up(current: float, dissipated: float, s: NDArray[np.float64], c: Constants) -> None:
+    """Bring the temperatures up to date: the heat since the last tick warms the gear, the current the motor."""
+    friction_power = (dissipated - s[HEAT_BEFORE]) / c.loop_period
+    s[HEAT_BEFORE] = dissipated
+    gear_end = c.ambient_temperature + c.gear_thermal_resistance * friction_power
+    s[GEAR_TEMPERATURE] += c.gear_settling * (gear_end - s[GEAR_TEMPERATURE])
+    winding_end = c.ambient_temperature + c.motor_thermal_resistance * c.winding_resistance * current * current
+    s[WINDING_TEMPERATURE] += c.motor_settling * (winding_end - s[WINDING_TEMPERATURE])
+
+
 def advance(
     steps: int,
     s: NDArray[np.float64],
@@ -192,7 +204,7 @@ def advance(
     T_F, last_T_F, T_w, fixture = s[T_F_NOW], s[T_F_BEFORE], s[T_W_NOW], s[FIXTURE_TORQUE]
     motor_force, output_force = s[MOTOR_FORCE], s[OUTPUT_FORCE]
     motor_extra, output_extra = s[MOTOR_EFFECTS], s[OUTPUT_EFFECTS]
-    series = Series(s[SERIES_TORSION], s[SERIES_TORQUE], s[SERIES_ANGLE], s[SERIES_COMPLIANCE], s[SERIES_SHARE])
+    series = Series(s[SERIES_TORSION], s[SERIES_TORQUE], s[SERIES_ANGLE], s[SERIES_STIFFNESS], s[SERIES_COMPLIANCE])
     pull = s[PULL]
     wait, motor_command, load_command = s[LOOP_WAIT], s[MOTOR_COMMAND], s[LOAD_COMMAND]
     motor_integral, load_integral = s[MOTOR_INTEGRAL], s[LOAD_INTEGRAL]
@@ -205,6 +217,8 @@ def advance(
     for i in range(steps):
         if wait <= 0.0:
             wait = c.loop_steps
+            current = 0.0 if inputs[MOTOR_MODE] == OFF else shown_torque / c.torque_constant
+            warm_up(current, dissipated, s, c)
             motor_command, motor_integral, limited = drive_loop(
                 inputs[MOTOR_MODE], inputs[MOTOR_TARGET], inputs[MOTOR_LIMIT],
                 theta_m + s[MOTOR_POSITION_ERROR], omega_m + s[MOTOR_VELOCITY_ERROR], motor_integral,
@@ -235,7 +249,7 @@ def advance(
         fixture = -locked * (c.fixture_stiffness * (theta_o - lock_position) + c.fixture_damping * next_o)
         output_torque = load_torque + fixture
         time = (s[STEPS] + (i + 1)) * h
-        now = signals_at(time, theta_m, next_m, motor_torque, shown_torque, theta_o, next_o, inputs, c)
+        now = signals_at(time, theta_m, next_m, motor_torque, shown_torque, theta_o, next_o, locked, s, c)
         last_level = level
         level = friction_level(now, 2.0 * T_F - last_T_F, slip, s, effect_parameters, c)
         last_T_F, last_error, last_open = T_F, error, open_error
@@ -262,7 +276,7 @@ def advance(
         motor_extra = motor_effects(now, output_torque, torsion, h, s, effect_parameters)
         output_extra = output_effects(now, output_torque, torsion, h, s, effect_parameters)
         motor_force = motor_force - motor_extra - c.rotor_viscous_friction * next_m
-        output_force = -T_F - output_extra
+        output_force = -T_F - output_extra - c.output_viscous_friction * next_o
         omega_m = brake(middle_m + half_m * (motor_drive + motor_force), rotor_loss)
         omega_o = middle_o + half_o * (load_drive + fixture + output_force)
 
@@ -284,12 +298,12 @@ def advance(
                 + c.flexspline_damping * flexspline_travel * flexspline_travel
                 + c.wave_generator_damping * wave_generator_travel * wave_generator_travel
                 + c.rotor_viscous_friction * motor_travel * motor_travel
-                + locked * c.fixture_damping * output_travel * output_travel
+                + (locked * c.fixture_damping + c.output_viscous_friction) * output_travel * output_travel
             )
             / h
         )
         if READINGS and wait <= 0.0:
-            now = signals_at(now.time, theta_m, omega_m, motor_torque, shown_torque, theta_o, omega_o, inputs, c)
+            now = signals_at(time, theta_m, omega_m, motor_torque, shown_torque, theta_o, omega_o, locked, s, c)
             read_errors(now, output_torque, torsion, c.loop_period, s, effect_parameters)
             torque_error = s[MOTOR_TORQUE_ERROR]
             motor_torque = shown_torque - torque_error
@@ -299,7 +313,7 @@ def advance(
     s[OUTPUT_POSITION], s[OUTPUT_VELOCITY] = theta_o, omega_o
     s[RIM], s[SLIP], s[LEVEL], s[ERROR], s[ERROR_OPEN] = rim, slip, level, error, open_error
     s[SERIES_TORSION], s[SERIES_TORQUE], s[SERIES_ANGLE] = series.torsion, series.torque, series.angle
-    s[SERIES_COMPLIANCE], s[SERIES_SHARE], s[PULL] = series.compliance, series.share, pull
+    s[SERIES_STIFFNESS], s[SERIES_COMPLIANCE], s[PULL] = series.stiffness, series.compliance, pull
     s[MOTOR_TORQUE], s[SHOWN_TORQUE], s[LOAD_TORQUE] = motor_torque, shown_torque, load_torque
     s[T_F_NOW], s[T_F_BEFORE], s[T_W_NOW], s[FIXTURE_TORQUE] = T_F, last_T_F, T_w, fixture
     s[OUTPUT_TORQUE] = load_torque + fixture
@@ -316,16 +330,16 @@ def start(
     constants: NDArray[np.float64],
     effect_parameters: NDArray[np.float64],
 ) -> None:
-    """Put the state, all zero so far, at rest without torque, and take up what the effects do there."""
+    """Put the state, zero but for its temperatures, at rest without torque, and take up what the effects do there."""
     c = unpack(constants)
     h = c.step
-    now = signals_at(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, inputs, c)
+    now = signals_at(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, inputs[LOCKED], s, c)
     error, _, open_error, _ = torsion_effects(now, 0.0, 0.0, h, s, effect_parameters)
     angle = series_effects(now, 0.0, 0.0, h, s, effect_parameters)
     keep_series(s)
-    s[ERROR], s[ERROR_OPEN], s[SERIES_ANGLE], s[SERIES_SHARE] = error, open_error, angle, 1.0
+    s[ERROR], s[ERROR_OPEN], s[SERIES_ANGLE] = error, open_error, angle
     s[OUTPUT_POSITION] = error + angle
-    now = signals_at(0.0, 0.0, 0.0, 0.0, 0.0, error + angle, 0.0, inputs, c)
+    now = signals_at(0.0, 0.0, 0.0, 0.0, 0.0, error + angle, 0.0, inputs[LOCKED], s, c)
     s[LEVEL] = friction_level(now, 0.0, 0.0, s, effect_parameters, c)
     s[MOTOR_EFFECTS] = motor_effects(now, 0.0, 0.0, h, s, effect_parameters)
     s[OUTPUT_EFFECTS] = output_effects(now, 0.0, 0.0, h, s, effect_parameters)

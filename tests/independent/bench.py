@@ -129,7 +129,7 @@ def free_run(
         T = outside - fx.gravity_load(output_angle, effects.gravity_load)
         level = _level(drive.T_c, T, motor_position, motor_velocity, around, drive, effects)
         friction = _friction_while_turning(motor_position, T / drive.ratio, level, drive, _gaps(effects))
-        through = T / drive.ratio + friction + drive.b * motor_velocity
+        through = T / drive.ratio + friction + _viscous(motor_velocity, around, drive, effects)
         torsion = _torsion(T, through, motor_position, around, 0.0, drive, effects)
         output_angle = torsion - motor_position / drive.ratio
     for parameters in effects.of("inertia"):
@@ -232,15 +232,26 @@ def _level(
     drive: Drive,
     effects: fx.Effects,
 ) -> Floats:
-    """Give the level of the dry friction at the motor, N*m: `base` and what the effects add, never below zero."""
+    """Give the level of the dry friction at the motor, N*m: `base` and what the effects add, never below zero.
+
+    What warmth takes off the viscous friction is in `_viscous`: it may be more than the dry level.
+    """
     signals = {
         "motor_position": angle,
         "motor_velocity": velocity,
         "output_torque": T,
         "temperature": around.temperature,
-        "base_friction": base + drive.b * np.abs(velocity),
+        "base_friction": np.full(T.shape, base),
     }
     return np.maximum(0.0, base + fx.total(fx.FRICTION, effects, signals, T.shape))
+
+
+def _viscous(velocity: Floats, around: Conditions, drive: Drive, effects: fx.Effects) -> Floats:
+    """Give the viscous friction of turning, N*m at the motor; warmth thins the oil as it eases the dry friction."""
+    cold = drive.b * np.abs(velocity)
+    signals = {"temperature": around.temperature, "base_friction": cold}
+    thinner = fx.total(["temperature-dependent-friction"], effects, signals, velocity.shape)
+    return np.sign(velocity) * (cold + thinner)
 
 
 def _slide(lowest: Floats, highest: Floats, start: float) -> Floats:

@@ -226,7 +226,7 @@ def test_what_lies_in_series_with_the_flexspline_adds_its_angle_at_the_same_torq
     signals = {
         "output_torque": now.flexspline_torque,
         "motor_position": now.motor_position,
-        "temperature": 25.0,
+        "temperature": now.temperature,
         "flexspline_torsion": float(flexspline_torsion(now.flexspline_torque, DRIVE.K_F0, DRIVE.C_F)),
         "locked": 1.0,
     }
@@ -544,6 +544,62 @@ def test_without_friction_and_dampers_energy_is_conserved():
     assert abs(drift) < 1e-6
 
 
+# ---- temperatures
+
+
+def test_friction_warms_the_gear_until_what_it_loses_equals_the_heat():
+    plant = Plant(dataclasses.replace(SILENT, gear_heat_capacity=0.25))
+    plant.command("motor", AxisMode.VELOCITY, 200.0)
+    plant.advance_to(1.0)
+    # one thermal time constant of 1 s, less the 20 ms in which it comes up to speed
+    rise = 4.0 * (0.012 + 1e-4 * 200.0) * 200.0
+    assert plant.read().temperature - 25.0 == pytest.approx(rise * (1.0 - math.exp(-1.0)), rel=0.02)
+    plant.advance_to(20.0)
+    assert plant.read().temperature - 25.0 == pytest.approx(rise, rel=1e-4)
+    assert plant.truth().temperature == plant.read().temperature
+
+
+def test_the_rated_torque_warms_the_motor_by_75_kelvin_in_the_end_whatever_its_size():
+    for config in (SILENT, dataclasses.replace(SILENT, motor_rated_torque=0.05, torque_constant=0.02)):
+        plant = Plant(dataclasses.replace(config, motor_heat_capacity=0.1))
+        plant.set_lock(True)
+        plant.command("motor", AxisMode.TORQUE, config.motor_rated_torque)
+        plant.advance_to(0.65)
+        assert plant.read().motor_temperature - 25.0 == pytest.approx(75.0 * (1.0 - math.exp(-1.0)), rel=1e-3)
+        plant.advance_to(10.0)
+        assert plant.read().motor_temperature - 25.0 == pytest.approx(75.0, rel=1e-4)
+
+
+def test_copper_heat_is_the_square_of_the_current_times_the_stated_resistance():
+    plant = Plant(dataclasses.replace(SILENT, winding_resistance=10.0, torque_constant=0.25))
+    plant.command("motor", AxisMode.TORQUE, 0.1)
+    plant.set_lock(True)
+    plant.advance_to(10.0)
+    assert plant.truth().motor_current == pytest.approx(0.4)
+    # 1.6 W for 10 s into 170 J/K; of it 0.5 % is gone after a hundredth of the thermal time constant
+    assert plant.truth().motor_temperature - 25.0 == pytest.approx(1.6 * 10.0 / 170.0, rel=6e-3)
+
+
+def test_a_warm_bench_at_rest_cools_to_its_surroundings():
+    plant = Plant(dataclasses.replace(SILENT, temperature=65.0, motor_temperature=95.0, ambient_temperature=20.0))
+    plant.advance_to(60.0)
+    gear, motor = plant.read().temperature, plant.read().motor_temperature
+    assert gear == pytest.approx(20.0 + 45.0 * math.exp(-60.0 / 1200.0), rel=1e-6)
+    assert motor == pytest.approx(20.0 + 75.0 * math.exp(-60.0 / 1105.0), rel=1e-6)
+
+
+def test_what_a_fixture_stored_does_not_warm_the_gear():
+    plant = Plant(dataclasses.replace(SILENT, gear_heat_capacity=1e-3))
+    plant.set_lock(True)
+    plant.command("motor", AxisMode.TORQUE, 0.16)
+    plant.advance_to(1.0)
+    before = plant.truth()
+    plant.set_lock(False)
+    assert plant.truth().heat > before.heat + 4e-4
+    plant.advance_to(1.0 + 1e-4)
+    assert plant.truth().temperature == pytest.approx(before.temperature, abs=0.1)
+
+
 # ---- drive loops
 
 
@@ -754,7 +810,7 @@ def test_without_noise_the_instruments_show_the_state():
     assert reading.motor_torque == truth.motor_torque
     assert reading.load_position == reading.output_position == truth.output_position
     assert reading.output_torque == reading.load_torque == truth.load_torque
-    assert (reading.temperature, reading.motor_temperature) == (25.0, 25.0)
+    assert (reading.temperature, reading.motor_temperature) == (truth.temperature, truth.motor_temperature)
 
 
 def test_the_bench_starts_without_torque_wherever_the_effects_put_it():
@@ -763,6 +819,26 @@ def test_the_bench_starts_without_torque_wherever_the_effects_put_it():
     now = plant.truth()
     assert now.output_position == 1e-4 * math.sin(0.3)
     assert now.motor_position == now.flexspline_torque == 0.0
+
+
+def test_an_effect_that_assumes_another_bench_is_refused():
+    backlash = CATALOGUE["backlash"]
+    Plant(CONFIG, (ActiveEffect(backlash, (1e-3, 100.0)),))
+    with pytest.raises(ModelError, match=r"backlash: ratio = 50.0 1 contradicts the bench, which has 100.0 1; torsion"):
+        Plant(CONFIG, (ActiveEffect(backlash, (1e-3, 50.0)),))
+    with pytest.raises(ModelError, match=r"current-sensor-offset: torque_constant = 0.1 N\*m/A contradicts"):
+        Plant(CONFIG, (ActiveEffect(CATALOGUE["current-sensor-offset"], (0.01, 0.1)),))
+
+
+def test_an_effect_without_the_ratio_or_counts_that_it_needs_is_refused():
+    with pytest.raises(
+        ModelError, match=r"backlash: 1 values for 2 parameters; missing are ratio \(1, 1 to 10000: gear"
+    ):
+        ActiveEffect(CATALOGUE["backlash"], (1e-3,))
+    with pytest.raises(ModelError, match=r"encoder-missed-counts: .* missing are encoder_counts \(1/rev, 1 to 1e\+09"):
+        ActiveEffect(CATALOGUE["encoder-missed-counts"], (4.0, 0.1, 1.0))
+    with pytest.raises(ModelError, match=r"4 values for 3 parameters; it takes amplitude"):
+        ActiveEffect(CATALOGUE["cogging"], (1e-3, 84.0, 0.0, 1.0))
 
 
 def test_mistakes_are_refused_with_the_value():

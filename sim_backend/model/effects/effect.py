@@ -161,6 +161,15 @@ class ActiveEffect:
     values: tuple[float, ...]
 
     def __post_init__(self) -> None:
+        missing = self.effect.parameters[len(self.values) :]
+        if missing or len(self.values) > len(self.effect.parameters):
+            wanted = ", ".join(
+                f"{p.name} ({p.unit}, {p.low:g} to {p.high:g}: {p.meaning})" for p in missing or self.effect.parameters
+            )
+            raise ModelError(
+                f"{self.effect.id}: {len(self.values)} values for {len(self.effect.parameters)} parameters; "
+                f"{'missing are' if missing else 'it takes'} {wanted}; {self.effect.equation} needs them."
+            )
         for parameter, value in zip(self.effect.parameters, self.values, strict=True):
             if not (math.isfinite(value) and parameter.low <= value <= parameter.high):
                 raise ModelError(

@@ -7,7 +7,7 @@ import pytest
 
 from sim_backend.errors import ModelError
 from sim_backend.model.compliance import flexspline_stiffness, flexspline_torsion, wave_generator_torsion
-from sim_backend.model.parameters import HarmonicDrive, PlantConfig, Rotation
+from sim_backend.model.parameters import Cubic, HarmonicDrive, Piecewise, PlantConfig, Rotation
 
 CATALOGUE = {
     "ratio": 100.0,
@@ -75,11 +75,43 @@ def test_a_drive_refuses_what_is_not_physical(name, value):
 
 
 @pytest.mark.parametrize(
-    "name", [f.name for f in dataclasses.fields(PlantConfig) if f.name not in ("drive", "rotation")]
+    "name", [f.name for f in dataclasses.fields(PlantConfig) if f.name not in ("drive", "rotation", "flexspline")]
 )
 def test_a_bench_refuses_every_number_that_is_not_finite(name):
     with pytest.raises(ModelError, match=name):
         PlantConfig(DRIVE, **{name: math.nan})
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (
+            lambda: dataclasses.replace(DRIVE, ratio=0.5),
+            r"ratio = 0.5 .* at least 1; theta_w = -N theta_F, Zhang \(4\)",
+        ),
+        (lambda: dataclasses.replace(DRIVE, C_F=0.0), r"C_F = 0.0 1/\(N\*m\) .* above 0 .* Zhang \(24\)"),
+        (
+            lambda: HarmonicDrive.from_catalogue(**{**CATALOGUE, "K2": 8e3}),
+            r"K2 = 8000.0 N\*m/rad .* above 8400 .*\(32\)",
+        ),
+        (lambda: Cubic(0.0, 1.0), r"a1 = 0.0 N\*m/rad .* above 0 N\*m/rad; T = a1 f \+ a3 f\^3, Zhang \(10\)"),
+        (lambda: Cubic(1.0, -1.0), r"a3 = -1.0 N\*m/rad\^3 .* at least 0 .* Zhang \(10\)"),
+        (lambda: Piecewise(1.0, 1.0, math.inf, 1.0, 2.0), r"K3 = inf N\*m/rad .* Zhang \(11\)"),
+        (lambda: Piecewise(1.0, 1.0, 1.0, 2.0, 1.0), r"T2 = 1.0 N\*m .* above 2 N\*m; .* Zhang \(11\)"),
+        (lambda: PlantConfig(DRIVE, output_inertia=0.0), r"output_inertia = 0.0 kg\*m\^2 .* J_l dw/dt"),
+        (lambda: PlantConfig(DRIVE, winding_resistance=-1.0), r"winding_resistance = -1.0 ohm .* R i\^2"),
+        (
+            lambda: PlantConfig(DRIVE, ambient_temperature=-300.0),
+            r"ambient_temperature = -300.0 degC .* at least -273.15",
+        ),
+        (lambda: PlantConfig(DRIVE, flexspline_stiffness_cap=8e3), r"cap = 8000.0 .* above 8335.98 .* Zhang \(22\)"),
+        (lambda: PlantConfig(DRIVE, flexspline=Cubic(2e5, 0.0)), r"cap = 100000.0 .* a1 = 200000 .* Zhang \(10\)"),
+        (lambda: PlantConfig(DRIVE, wave_generator_stiffness_cap=1.0), r"cap = 1.0 .* K_w0 = 1.33333 .* Zhang \(25\)"),
+    ],
+)
+def test_a_refusal_names_parameter_value_unit_range_and_the_equation_that_needs_it(make, message):
+    with pytest.raises(ModelError, match=message):
+        make()
 
 
 def test_the_other_rotation_sense_is_refused_with_a_way_out():
