@@ -29,6 +29,9 @@ from rig.loop.trial import Ground, Trial, consistent, consistent_shape, line_gai
 LEAST_SHARE = 0.01
 """Share of an equation's squares below which a line is detected but not worth adding."""
 
+LEAST_SHAPE_SHARE = 0.03
+"""The same for an effect that is no line: a smoothed torque leaves a per cent of what follows it."""
+
 STANDS_OUT = 30.0
 """Power over the median of the neighbourhood of a line that is looked at however little it explains."""
 
@@ -225,7 +228,8 @@ def _judge_shape(
         return Unadded(term.kind, None, size, p_value, trial.share, why) if significant else None
 
     kinds = {decision.kind for decision in decisions}
-    why, unpaid = _objection(trial, room=term.kind in kinds or len(kinds) < MOST_CLASSES), _unpaid(trial)
+    room = term.kind in kinds or len(kinds) < MOST_CLASSES
+    why, unpaid = _objection(trial.share, LEAST_SHAPE_SHARE, room=room), _unpaid(trial)
     if why or (unpaid and not large):
         return unadded(why or unpaid)
     inner = NESTED.get(term.effect.id)
@@ -301,7 +305,10 @@ def _judge(
     if not (significant or large) or _already_there(ground, proposal):
         return None
     kinds = {decision.kind for decision in decisions}
-    why, unpaid = _objection(trial, room=proposal.kind in kinds or len(kinds) < MOST_CLASSES), _unpaid(trial)
+    # what bends an angle shows in the angle, not only in the torque by which it acts back on the motor
+    share = trial.share_of(Equation.TORSION) if proposal.kind.is_angle else trial.share
+    room = proposal.kind in kinds or len(kinds) < MOST_CLASSES
+    why, unpaid = _objection(share, LEAST_SHARE, room=room), _unpaid(trial)
     legs = samplings(ground.fit.linear, proposal.kind.variable)
     if (
         not why
@@ -346,12 +353,15 @@ def _joint_objection(ground: Ground, joint: Fit, unpaid: str, resolution: float)
     return "it cannot be told from a line that is there already" if _crowded(joint, resolution) else ""
 
 
-def _objection(trial: Trial, *, room: bool) -> str:
-    """Say why a significant line is not added, whatever the other runs say; empty if it may be."""
+def _objection(share: float, least: float, *, room: bool) -> str:
+    """Say why a significant term is not added, whatever the other runs say; empty if it may be.
+
+    `share`: of the squares that it explains; `least`: below which it is not worth adding.
+    """
     if not room:
         return f"more than {MOST_CLASSES} different terms"
-    if trial.share < LEAST_SHARE:
-        return f"it explains {100 * trial.share:.2g} % of the squares, less than {100 * LEAST_SHARE:.0f} %"
+    if share < least:
+        return f"it explains {100 * share:.2g} % of the squares, less than {100 * least:.0f} %"
     return ""
 
 

@@ -12,7 +12,7 @@ Source: Pinelis, "Extremal probabilistic problems and Hotelling's T2 test under 
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,7 +51,7 @@ class Trial:
     """One candidate on top of a fit.
 
     `gain`: reduction of the weighted squares. `statistic`: T**2 with `columns` degrees of freedom. `amplitudes` (k,).
-    `share`: largest relative reduction of the squares of one equation. `improved`: share of the runs that carry the
+    `shares`: relative reduction of the squares of every equation. `improved`: share of the runs that carry the
     term which are better predicted from the others with it; `pays`: relative reduction of the squares left out.
     """
 
@@ -60,9 +60,18 @@ class Trial:
     statistic: float
     columns: int
     amplitudes: Floats
-    share: float
+    shares: Mapping[Equation, float]
     improved: float
     pays: float
+
+    @property
+    def share(self) -> float:
+        """Largest relative reduction of the squares of one equation."""
+        return max(self.shares.values(), default=0.0)
+
+    def share_of(self, equation: Equation) -> float:
+        """Give the relative reduction in one equation; of the best one where that equation is not there."""
+        return self.shares.get(equation, self.share)
 
     @property
     def single_p(self) -> float:
@@ -138,7 +147,7 @@ def try_columns(ground: Ground, label: str, columns: Sequence[Floats | None]) ->
     amplitudes = solve(schur, score)
     summed = blocks.sum(axis=0)
     statistic = float(summed @ solve(blocks.T @ blocks, summed))
-    share, carrying = _where(ground, columns, projector, amplitudes)
+    shares, carrying = _where(ground, columns, projector, amplitudes)
     left, without = _leave_out(fit, cross, own, pull)
     total = float(without[carrying].sum())
     return Trial(
@@ -147,20 +156,20 @@ def try_columns(ground: Ground, label: str, columns: Sequence[Floats | None]) ->
         statistic=statistic,
         columns=size,
         amplitudes=amplitudes,
-        share=share,
+        shares=shares,
         improved=float(np.mean(left[carrying] < without[carrying])) if carrying.any() else 0.0,
         pays=1.0 - float(left[carrying].sum()) / total if total > 0 else 0.0,
     )
 
 
 def _nothing(label: str, size: int) -> Trial:
-    return Trial(label, 0.0, 0.0, size, np.zeros(size), 0.0, 0.0, 0.0)
+    return Trial(label, 0.0, 0.0, size, np.zeros(size), {}, 0.0, 0.0)
 
 
 def _where(
     ground: Ground, columns: Sequence[Floats | None], projector: Floats, amplitudes: Floats
-) -> tuple[float, NDArray[np.bool_]]:
-    """Give the largest share of an equation's squares that is explained, and which runs carry the term."""
+) -> tuple[dict[Equation, float], NDArray[np.bool_]]:
+    """Give the share of every equation's squares that is explained, and which runs carry the term."""
     fit = ground.fit
     expected_run = np.zeros(len(fit.normal.runs))
     by_equation: dict[Equation, list[float]] = {}
@@ -174,8 +183,8 @@ def _where(
         equation[0] += 2.0 * item.weight * float(explained @ item.residual) - expected
         equation[1] += item.weight * float(item.residual @ item.residual)
     total = float(expected_run.sum())
-    share = max((actual / squares for actual, squares in by_equation.values() if squares > 0), default=0.0)
-    return share, expected_run >= 0.2 * total / expected_run.size
+    shares = {name: float(actual / squares) for name, (actual, squares) in by_equation.items() if squares > 0}
+    return shares, expected_run >= 0.2 * total / expected_run.size
 
 
 def consistent(fit: Fit, number: int) -> bool:
