@@ -13,7 +13,8 @@ Floats = NDArray[np.float64]
 TOLERANCE = 2.5
 """Standard deviations of a sample by which a polyline may miss the smoothed torque before it gets a further knot."""
 
-MOST_KNOTS = 200
+MOST_KNOTS, MOST_POINTS = 200, 3000
+"""Knots of a polyline, and means of neighbouring samples that place them."""
 
 SHORTEST = 1.0
 """s that a straight piece lasts on average at least; what bends more often is no polyline."""
@@ -22,6 +23,7 @@ BLOCK, TYPICAL, WORST = 0.5, 1.5, 6.0
 """s of the blocks whose means judge the polyline; their rms and their largest size, in standard deviations."""
 
 PASSES = 5
+RIDGE = 1e-10
 NOISE_SPAN = 1.0
 """s on either side over which the noise is measured."""
 
@@ -72,21 +74,31 @@ def _knots(smoothed: Floats, tolerance: float) -> list[int]:
 
 def _placed(values: Floats, knots: Floats) -> Floats:
     """Fit heights and places of the knots by least squares; give the polyline at every sample."""
-    index = np.arange(values.size, dtype=float)
-    heights: Floats = np.interp(knots, index, values)
+    factor = -(-values.size // MOST_POINTS)
+    whole = values.size // factor * factor
+    every = np.arange(values.size, dtype=float)
+    index, values = (x[:whole].reshape(-1, factor).mean(axis=1) for x in (every, values))
     for _ in range(PASSES):
         hats = _hats(index, knots)
-        heights = np.asarray(np.linalg.lstsq(hats, values, rcond=None)[0], dtype=np.float64)
+        heights = _least_squares(hats, values)
         if knots.size < 3:
             break
         slopes = np.diff(heights) / np.diff(knots)
         before = index[:, None] < knots[None, 1:-1]
         columns = -hats[:, 1:-1] * np.where(before, slopes[:-1], slopes[1:])
-        moves = np.linalg.lstsq(np.hstack([hats, columns]), values - hats @ heights, rcond=1e-8)[0][knots.size :]
+        moves = _least_squares(np.hstack([hats, columns]), values - hats @ heights)[knots.size :]
         gaps = np.diff(knots)
         knots = knots.copy()
         knots[1:-1] += np.clip(moves, -0.3 * gaps[:-1], 0.3 * gaps[1:])
-    return np.asarray(np.interp(index, knots, np.linalg.lstsq(_hats(index, knots), values, rcond=None)[0]))
+    return np.asarray(np.interp(every, knots, _least_squares(_hats(index, knots), values)))
+
+
+def _least_squares(columns: Floats, values: Floats) -> Floats:
+    """Solve by scaled normal equations: there are few columns; a knot on a straight line has no place of its own."""
+    scale = np.sqrt(np.maximum((columns**2).sum(axis=0), 1e-300))
+    scaled = columns / scale
+    matrix = scaled.T @ scaled + RIDGE * np.eye(scale.size)
+    return np.asarray(np.linalg.solve(matrix, scaled.T @ values) / scale)
 
 
 def _hats(index: Floats, knots: Floats) -> Floats:
