@@ -17,12 +17,19 @@ from rig.loop.metrics import Residual
 from rig.loop.parameters import flexspline_from_catalogue
 from rig.loop.report_steps import base_estimates
 from rig.loop.result import EquationResult, Json, NextExperiment, Open, Verdict
-from rig.loop.select import LEAST_IMPROVED, Selection
+from rig.loop.select import LEAST_IMPROVED, QUOTIENT, Selection
 
 STIFFNESS_DEVIATION = 0.10
 """Relative deviation of K_F0 from the catalogue beyond which a quotient group is at work."""
 
 STIFFNESS_GROUP = ("fixture-compliance", "flexspline-compliance", "torque-constant-error", "torque-sensor-gain")
+
+SLOPE_GROUP = ("load-dependent-friction", "torque-constant-error", "torque-sensor-gain")
+LEAST_SLOPE = 3e-3
+"""Relative deviation of the two torques' ratio that is worth a statement."""
+
+SURE = 1e-4
+"""False-alarm probability of a single test below which such a statement is made."""
 
 ABOVE_FLOOR = 1.5
 """Times the upper end of the floor's interval beyond which what is left is no longer noise."""
@@ -45,7 +52,7 @@ def open_statements(
     """Give everything that stays open after the selection. `train`, `held_out`: residuals after, of all runs."""
     found = [*_left_over(train, selection, dut), *_shapes(selection), *_worse(selection, equations)]
     known = {(item.evidence.get("equation"), item.evidence.get("procedure")) for item in found}
-    return (*found, *_above_floor(held_out, equations, known), *_absorbed(selection, dut))
+    return (*found, *_above_floor(held_out, equations, known), *_absorbed(selection, dut), *_slope(selection))
 
 
 def _left_over(residuals: Sequence[Residual], selection: Selection, dut: Dut) -> list[Open]:
@@ -108,7 +115,8 @@ def _shapes(selection: Selection) -> list[Open]:
     trials = [
         trial
         for trial in selection.left
-        if trial.single_p < 1e-4
+        if trial.label not in QUOTIENT
+        and trial.single_p < 1e-4
         and trial.share >= LEAST_SHAPE_SHARE
         and trial.improved >= LEAST_IMPROVED
         and trial.pays > 0.0
@@ -195,6 +203,30 @@ def _by_procedure(residuals: Sequence[Residual]) -> dict[tuple[str, str], list[R
         key = (residual.piece.equation.value, residual.piece.track.procedure.value)
         groups.setdefault(key, []).append(residual)
     return groups
+
+
+def _slope(selection: Selection) -> list[Open]:
+    """Report that the output torque is not ratio times the motor torque: no run here tells which of them is wrong."""
+    trial = next((item for item in selection.left if item.label == "torque-sensor-gain"), None)
+    if trial is None or trial.single_p > SURE or abs(float(trial.amplitudes[0])) < LEAST_SLOPE:
+        return []
+    deviation = float(trial.amplitudes[0])
+    return [
+        Open(
+            verdict=Verdict.ABSORBED,
+            group=SLOPE_GROUP,
+            parameter="output_torque / (ratio * motor_torque)",
+            deviation=deviation,
+            evidence={
+                "p_value": trial.single_p,
+                "meaning": "the two torques do not agree, and these runs cannot tell which one is wrong",
+            },
+            next_experiment=NextExperiment(
+                "Dead weights on a lever test the torque sensor; the back-EMF tests the torque constant.",
+                "rig run backdrive",
+            ),
+        )
+    ]
 
 
 def _absorbed(selection: Selection, dut: Dut) -> list[Open]:

@@ -45,6 +45,9 @@ BEST_SHARE = 0.95
 SET_SHARE = 0.9
 MOST_CLASSES = 3
 MOST_LINES = 16
+QUOTIENT = ("torque-constant-error", "torque-sensor-gain")
+"""What the base parameters take up, alone or against each other: said as absorbed, never added."""
+
 NESTED: Mapping[str, str] = {"rate-dependent-hysteresis": "maxwell-slip"}
 """A class that holds another as a special case: it is taken only if it explains more."""
 
@@ -155,6 +158,7 @@ def select(pieces: Sequence[Piece], base: Fit, alpha: float, known: Mapping[str,
         lines = _candidates(ground, known)
         shapes = _shapes(ground, known, max((c.trial.gain for c in lines), default=0.0))
         left = tuple(item.trial for item in shapes)
+        shapes = [item for item in shapes if item.term.effect.id not in QUOTIENT]
         accepted = _round(pieces, ground, lines, shapes, alpha, decisions, unadded)
         if accepted is None:
             break
