@@ -2,7 +2,7 @@
 
 import math
 import secrets
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -82,11 +82,12 @@ def simulate(
     model: Model | None = None,
     effects: Sequence[ActiveEffect] = (),
     seed: int | None = None,
+    revise: Callable[[PlantConfig], PlantConfig] = lambda config: config,
 ) -> SimulatedBench:
     """Build the bench that is not there.
 
-    `effects` are added to those of `model`; `seed` fixes the instruments' noise, None draws one. Raises ConfigError
-    if dut or model describe a drive that cannot be.
+    `effects` are added to those of `model`; `seed` fixes the instruments' noise, None draws one; `revise` changes what
+    dut or model do not say. Raises ConfigError if they, or its result, describe a drive that cannot be.
     """
     assumed: list[str] = []
     source = f"model of '{dut.name}'" if model is not None else f"dut '{dut.name}'"
@@ -96,7 +97,9 @@ def simulate(
     if mistakes:
         raise ConfigError(source, mistakes, hint="The simulated bench, which a dry run needs too, cannot be built.")
     try:
-        plant = _plant(bench, dut, model, effects, secrets.randbits(31) if seed is None else seed, assumed)
+        config = revise(_plant_config(bench, dut, model, assumed))
+        active = (*(effects_of_model(model, assumed) if model is not None else ()), *effects)
+        plant = Plant(config, active, seed=secrets.randbits(31) if seed is None else seed)
         nodes = tuple(_node(role, device, plant, dut) for role, device in bench.devices.items())
     except (ModelError, OverflowError) as error:
         raise ConfigError(source, [Mistake("simulated bench", dut.name, str(error).rstrip("."))]) from error
@@ -120,9 +123,7 @@ def _motor_mirrored(bench: BenchFile) -> BenchFile:
     return bench.model_copy(update={"devices": {**bench.devices, "motor": mirrored}})
 
 
-def _plant(
-    bench: BenchFile, dut: Dut, model: Model | None, effects: Sequence[ActiveEffect], seed: int, assumed: list[str]
-) -> Plant:
+def _plant_config(bench: BenchFile, dut: Dut, model: Model | None, assumed: list[str]) -> PlantConfig:
     drive = _drive_from_dut(dut, assumed) if model is None else drive_of_model(model, assumed)
     config = PlantConfig(
         drive=drive,
@@ -133,9 +134,7 @@ def _plant(
     if dut.motor.inertia is not None:
         config = replace(config, rotor_inertia=dut.motor.inertia)
     output = config.output_inertia if dut.output.inertia is None else dut.output.inertia
-    config = replace(config, output_inertia=output + (LOAD_MOTOR_INERTIA if "load" in bench.devices else 0.0))
-    active = (*(effects_of_model(model, assumed) if model is not None else ()), *effects)
-    return Plant(config, active, seed=seed)
+    return replace(config, output_inertia=output + (LOAD_MOTOR_INERTIA if "load" in bench.devices else 0.0))
 
 
 def _drive_mistakes(bench: BenchFile, dut: Dut) -> Iterator[Mistake]:

@@ -30,9 +30,14 @@ def file_name(item: Item, end: str = "") -> str:
 
 
 def _names(name: str, item: Item) -> bool:
-    """Tell whether `name` begins the item's name word by word, a number being a word: fig. 1 is not fig. 12."""
+    """Tell whether `name` begins the item's name word by word, a number being a word: fig. 1 is not fig. 12.
+
+    The whole name may be written without a blank between its words, as messages write it.
+    """
     wanted, paper, what = _words(name), _words(item.paper), _words(item.what)
-    return bool(wanted) and wanted in (whole[: len(wanted)] for whole in (paper + what, what))
+    wholes = (paper + what, what)
+    begins = bool(wanted) and wanted in (whole[: len(wanted)] for whole in wholes)
+    return begins or "".join(wanted) in ("".join(whole) for whole in wholes)
 
 
 def _words(text: str) -> list[str]:

@@ -19,6 +19,7 @@ from sim_backend.model.compliance import (
 from sim_backend.model.constants import derive
 from sim_backend.model.dc_motor import TABLE_2, motor_from_speeds
 from sim_backend.model.driven import run_driven
+from sim_backend.model.effects import CATALOGUE, ActiveEffect
 from sim_backend.model.error_parts import error_parts
 from sim_backend.model.fourier_error import FourierError
 from sim_backend.model.friction import backdriving_torque, play
@@ -227,9 +228,9 @@ SILENT = dataclasses.replace(
 )
 
 
-def ramp(config: PlantConfig, axis: str, rate: float, end: float):
+def ramp(config: PlantConfig, axis: str, rate: float, end: float, effects: tuple[ActiveEffect, ...] = ()):
     """Raise the torque of an axis from zero; rows of torque, motor position, rim position."""
-    plant, rows = Plant(config), []
+    plant, rows = Plant(config, effects), []
     for k in range(round(end / rate / 1e-3)):
         plant.command(axis, AxisMode.TORQUE, rate * k * 1e-3)
         plant.advance_to((k + 1) * 1e-3)
@@ -257,8 +258,8 @@ def test_the_first_pulse_of_the_encoder_comes_long_before_the_drive_breaks_away(
 @pytest.mark.parametrize(("load_friction", "backdriving"), [(0.0, 1.2), (0.4, 2.0)])
 def test_one_friction_level_gives_one_breakaway_and_a_level_that_grows_with_load_gives_both(load_friction, backdriving):
     """N T_fs = 1.2 and T_fb = 2.0 N*m are not one level; r0 + mu |T_F| with mu = 0.4 has both."""
-    config = dataclasses.replace(SILENT, drive=dataclasses.replace(DRIVE, load_friction=load_friction))
-    torque, _, rim = ramp(config, "motor", rate=2e-3, end=0.014)
+    effects = (ActiveEffect(CATALOGUE["load-dependent-friction"], (load_friction, N)),)
+    torque, _, rim = ramp(SILENT, "motor", rate=2e-3, end=0.014, effects=effects)
     assert N * breakaway(torque, rim) == pytest.approx(1.2, rel=0.01)
-    torque, _, rim = ramp(config, "load", rate=0.5, end=2.2)
+    torque, _, rim = ramp(SILENT, "load", rate=0.5, end=2.2, effects=effects)
     assert breakaway(torque, rim) == pytest.approx(backdriving, rel=0.01)

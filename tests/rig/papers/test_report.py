@@ -32,6 +32,7 @@ SOME = (
         (["two2002"], [2]),
         (["two/eq31"], []),
         (["two2002/eq31"], [2]),
+        (["two2002/eq3135"], [2]),
         (["eq", "fig12"], [1, 2]),
     ],
 )
@@ -53,6 +54,13 @@ def test_every_item_has_a_name_and_a_file_of_its_own():
     assert len({file_name(item) for item in ITEMS}) == len(ITEMS)
     for item in ITEMS:
         assert item in choose([f"{item.paper}/{item.what}"])
+
+
+def test_the_names_in_the_refusal_are_names():
+    with pytest.raises(ConfigError) as refused:
+        choose(["nothing"])
+    names = str(refused.value).split("expected one of ")[1].rstrip(".").split(", ")
+    assert [choose([name]) for name in names] == [(item,) for item in ITEMS]
 
 
 def test_shared_work_is_done_once(tmp_path):

@@ -1,0 +1,27 @@
+"""Beyond the paper: the loop closes on the error that it leaves. The campaign and its tracing take a minute."""
+
+import pytest
+
+from rig.papers.item import Workbench
+from rig.papers.report import cells, run_items
+from rig.papers.zhang2014 import ITEMS
+from rig.papers.zhang2014.locked_output import needed_amplitude
+from tests.rig.papers.page import rows_of_page
+
+(BEYOND,) = (item for item in ITEMS if item.what == "beyond")
+
+
+@pytest.mark.timeout(900)
+def test_the_loop_closes_on_what_the_paper_leaves(tmp_path):
+    bench = Workbench(tmp_path, quick=True)
+    (done,) = run_items([BEYOND], bench)
+    found = {row.quantity: row.obtained for row in done.outcome.rows}
+    assert "kinematic-error" in found["what the loop says"]
+    assert found["rms error, proposed (28)"] == pytest.approx(4.9e-5, rel=0.05)
+    # counts of the encoders and noise of the torque sensor leave 3 to 4 urad
+    assert found["rms error, traced"] < 6e-6
+    assert found["amplitude of kinematic-error"] == pytest.approx(needed_amplitude(bench), rel=0.03)
+    assert found["order of kinematic-error"] == pytest.approx(2.0, abs=0.01)
+    assert found["phase of kinematic-error"] == pytest.approx(0.0, abs=0.1)
+    shown = [row[2] for row in rows_of_page("zhang2014") if row[1] == BEYOND.what]
+    assert set(shown) >= {cells(done, row)[2] for row in done.outcome.rows}
