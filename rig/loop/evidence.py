@@ -26,6 +26,9 @@ NOISE_RHO = 0.15
 EXCESS = 1.1
 """Repeatable residual counts if the rms exceeds the floor by this factor."""
 
+STANDS = 1e-3
+"""rad that a motor that stands travels in a second at most."""
+
 LAGS = 20
 RATE = 10.0
 """Ljung-Box: lags, and samples per second to which the residual is averaged before."""
@@ -159,12 +162,24 @@ def _allowance(piece: Piece, dut: Dut, ratio: float | None) -> float:
     """Give the mean square that counts of the encoders leave, or a play that ratchets along its noisy input."""
     track = piece.track
     if piece.demeaned:
-        return quantisation_square(piece, dut, ratio) or 0.0
+        return (quantisation_square(piece, dut, ratio) or 0.0) * (1.0 + 2.0 * _held_share(piece))
     if piece.law is Law.BACKDRIVE and track.output_torque is not None and ratio is not None:
         return _white(track.output_torque) / ratio**2
     if piece.law is Law.LOCKED and track.motor_torque is not None and ratio is not None:
         return _white(track.motor_torque) * ratio**2
     return 0.0
+
+
+def _held_share(piece: Piece) -> float:
+    """Give the share of the time at which the motor stands: its angle is then off by one error, up to half a count.
+
+    Over a sweep the errors of counting are spread evenly, with a third of that square.
+    """
+    angle, step = piece.track.motor_position, max(1, round(1.0 / piece.track.period))
+    if angle is None or angle.size <= step:
+        return 0.0
+    travel = np.abs(angle[step:] - angle[:-step])
+    return float(np.mean(travel < STANDS))
 
 
 def _white(values: Floats) -> float:
