@@ -48,8 +48,8 @@ MOST_LINES = 16
 QUOTIENT = ("torque-constant-error", "torque-sensor-gain")
 """What the base parameters take up, alone or against each other: said as absorbed, never added."""
 
-NESTED: Mapping[str, str] = {"rate-dependent-hysteresis": "maxwell-slip"}
-"""A class that holds another as a special case: it is taken only if it explains more."""
+NESTED: Mapping[str, tuple[str, ...]] = {"rate-dependent-hysteresis": ("creep", "maxwell-slip")}
+"""A class that holds others as special cases: it is taken only if it explains more."""
 
 PEAKS_BY_HEIGHT = 3
 PEAKS_BY_POWER = 3
@@ -236,12 +236,12 @@ def _judge_shape(
     why, unpaid = _objection(trial.share, LEAST_SHAPE_SHARE, room=room), _unpaid(trial)
     if why or (unpaid and not large):
         return unadded(why or unpaid)
-    inner = NESTED.get(term.effect.id)
-    if inner is not None and any(x.term.effect.id == inner and x.trial.gain >= BEST_SHARE * trial.gain for x in shapes):
+    inner = NESTED.get(term.effect.id, ())
+    if any(x.term.effect.id in inner and x.trial.gain >= BEST_SHARE * trial.gain for x in shapes):
         return None
     form = other_compliance(ground, scales_of(ground.fit.linear, {}).torque)
     peers = [*(x.trial for x in shapes if x is not candidate), *_best_of_classes(lines), form]
-    outer = {name for name, within in NESTED.items() if within == term.effect.id}
+    outer = {name for name, within in NESTED.items() if term.effect.id in within}
     near = {p.label for p in peers if p.gain >= SET_SHARE * trial.gain and p.label not in {*outer, term.effect.id}}
     if form.gain > trial.gain / BEST_SHARE:
         return unadded("another shape explains more")
