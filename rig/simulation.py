@@ -14,7 +14,7 @@ from rig.config.dut import Dut, Rotation, default_dut
 from rig.loop.frames import turned, turned_shape
 from rig.loop.model_file import Model, ModelEffect
 from rig.loop.shapes import ShapeTerm
-from rig.loop.terms import Entry, Line, TermClass, periodic_effects
+from rig.loop.terms import Entry, Line, TermClass, is_line, periodic_effects
 from rig.operator import Answered
 from sim_backend.errors import ModelError
 from sim_backend.model.effects import CATALOGUE, ActiveEffect, Effect
@@ -229,7 +229,7 @@ def effects_of_model(model: Model, assumed: list[str]) -> tuple[ActiveEffect, ..
         if effect is None:
             assumed.append(f"'{fitted.effect}' is left out: the simulated bench has no such effect")
             continue
-        if not fitted.lines:
+        if not is_line(effect):
             active += _shape_of_model(fitted, effect, model.dut, assumed)
             continue
         kind = TermClass(None, Entry(fitted.enters), fitted.variable)
@@ -245,8 +245,12 @@ def effects_of_model(model: Model, assumed: list[str]) -> tuple[ActiveEffect, ..
 def _shape_of_model(fitted: ModelEffect, effect: Effect, dut: Dut, assumed: list[str]) -> Iterator[ActiveEffect]:
     """Give an effect that is no line as the plant takes it; one with impossible values is left out, and said."""
     given = {name: estimate.value for name, estimate in fitted.parameters.items()}
+    missing = [parameter.name for parameter in effect.parameters if parameter.name not in given]
+    if missing:
+        assumed.append(f"'{fitted.effect}' is left out: the model gives it no {', '.join(missing)}")
+        return
     try:
-        values = tuple(given.get(parameter.name, parameter.typical) for parameter in effect.parameters)
+        values = tuple(given[parameter.name] for parameter in effect.parameters)
         yield ActiveEffect(effect, turned_shape(ShapeTerm(effect, values), dut).values)
     except ModelError as error:
         assumed.append(f"'{fitted.effect}' is left out: {error}")

@@ -25,6 +25,7 @@ from rig.loop.shape_trials import ShapeTrial, scales_of, shape_trials, trial_col
 from rig.loop.shapes import ShapeClass
 from rig.loop.terms import Entry, Line, TermClass, periodic_effects
 from rig.loop.trial import Ground, Trial, consistent, consistent_shape, line_gain, prepare, try_columns, try_line
+from sim_backend.model.effects import Enters
 
 LEAST_SHARE = 0.01
 """Share of an equation's squares below which a line is detected but not worth adding."""
@@ -239,6 +240,8 @@ def _judge_shape(
     inner = NESTED.get(term.effect.id, ())
     if any(x.term.effect.id in inner and x.trial.gain >= BEST_SHARE * trial.gain for x in shapes):
         return None
+    if term.effect.enters is Enters.TORSION and _without_windup(ground):
+        return unadded("without a motor torque it cannot be told from the windup of the wave generator")
     form = other_compliance(ground, scales_of(ground.fit.linear, {}).torque)
     peers = [*(x.trial for x in shapes if x is not candidate), *_best_of_classes(lines), form]
     outer = {name for name, within in NESTED.items() if term.effect.id in within}
@@ -260,6 +263,14 @@ def _judge_shape(
     verdict = Verdict.AMBIGUOUS if near else Verdict.NAMED
     ordered = tuple(sorted(tried, key=lambda item: -item.gain))
     return _Accepted(Decision(term.kind, verdict, members, ordered, p_value), joint)
+
+
+def _without_windup(ground: Ground) -> bool:
+    """Whether a swept torsion was recorded without the motor torque, which winds up the wave generator."""
+    swept = [
+        x.piece.track for x in ground.fit.linear if x.piece.equation is Equation.TORSION and not x.piece.track.moves
+    ]
+    return any(track.M is None for track in swept)
 
 
 def _best_of_classes(lines: Sequence[_Candidate]) -> list[Trial]:

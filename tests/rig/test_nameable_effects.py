@@ -1,10 +1,11 @@
-"""The loop's terms, the demo and fitted models keep to the effects that are one line of one angle."""
+"""Which effects of the catalogue are lines for the loop, which the demo hides, and how fitted ones run on the bench."""
 
 from rig.commands.demo import draw_effect
-from rig.loop.model_file import Model, ModelBase, ModelEffect, ModelLine
+from rig.loop.model_file import Model, ModelBase, ModelEffect, ModelEstimate, ModelLine
+from rig.loop.shapes import catalogue_shapes
 from rig.loop.terms import Entry, periodic_effects
 from rig.simulation import effects_of_model
-from sim_backend.model.effects import CATALOGUE, Shape
+from sim_backend.model.effects import CATALOGUE, Enters, Shape
 from tests.rig.loop.runs import dut
 
 LINE = ModelLine(order=2.0, amplitude=1e-4, phase=0.3)
@@ -19,25 +20,34 @@ def fitted(effect: str, enters: str, variable: str, shape: str = "periodic") -> 
     return ModelEffect(effect=effect, enters=enters, variable=variable, shape=shape, lines=(LINE,), parameters={})
 
 
-def test_a_term_is_a_catalogue_effect_of_one_angle_in_the_torsion_or_a_balance():
-    kinds = {kind.effect: kind for kind in periodic_effects()}
-    assert list(kinds) == ["kinematic-error", "cogging", "gravity-load"]
-    assert kinds["gravity-load"].fixed_order == 1.0
-    assert kinds["kinematic-error"].entry is Entry.TORSION
-    # products of two signals and errors of a reading are periodic too, but no line
-    for other in (
-        "torque-ripple",
-        "stiffness-modulation",
-        "position-dependent-friction",
-        "output-encoder-eccentricity",
-    ):
-        assert CATALOGUE[other].shape in (Shape.PERIODIC, Shape.PRODUCT)
-        assert other not in kinds
+def test_every_periodic_effect_of_the_catalogue_is_a_line_that_acts_where_it_enters():
+    kinds = {kind.effect: kind.entry for kind in periodic_effects()}
+    assert kinds == {
+        "kinematic-error": Entry.TORSION,
+        "stiffness-modulation": Entry.TORSION_TIMES_TORQUE,
+        "position-dependent-friction": Entry.MOTOR_AGAINST_MOTION,
+        "cogging": Entry.MOTOR,
+        "torque-ripple": Entry.MOTOR_TIMES_TORQUE,
+        "gravity-load": Entry.OUTPUT,
+        "motor-encoder-eccentricity": Entry.MOTOR_ANGLE,
+        "output-encoder-eccentricity": Entry.ANGLE_ONLY,
+        "encoder-subdivision-error": Entry.ANGLE_ONLY,
+    }
+    with_phase = {e.id for e in CATALOGUE.values() if any(p.name == "phase" for p in e.parameters)}
+    assert with_phase == set(kinds)
+    assert next(kind for kind in periodic_effects() if kind.effect == "gravity-load").fixed_order == 1.0
 
 
-def test_the_demo_hides_every_effect_that_the_loop_can_name_and_no_other():
-    drawn = {draw_effect(seed).effect.id for seed in range(60)}
-    assert drawn == {kind.effect for kind in periodic_effects()}
+def test_lines_and_shapes_together_are_all_effects_that_repeat():
+    lines = {kind.effect for kind in periodic_effects()}
+    shapes = {effect.id for effect in catalogue_shapes()}
+    assert not lines & shapes
+    left = {e.id for e in CATALOGUE.values() if e.enters is not Enters.BASE} - lines - shapes
+    assert left == {e.id for e in CATALOGUE.values() if e.shape is Shape.EVENT}
+
+
+def test_the_demo_hides_what_every_bench_can_have():
+    assert {draw_effect(seed).effect.id for seed in range(60)} == {"kinematic-error", "cogging", "gravity-load"}
 
 
 def test_a_fitted_line_runs_as_its_catalogue_effect_and_an_unnamed_one_as_the_effect_of_its_kind():
@@ -53,11 +63,26 @@ def test_a_fitted_line_runs_as_its_catalogue_effect_and_an_unnamed_one_as_the_ef
     assert not assumed
 
 
-def test_a_catalogue_effect_that_is_no_line_is_left_out_and_said():
+def shaped(**parameters: float) -> ModelEffect:
+    estimates = {name: ModelEstimate(value=value, unit="?") for name, value in parameters.items()}
+    return ModelEffect(effect="creep", enters="torsion", variable="output_torque", shape="lag", parameters=estimates)
+
+
+def test_a_fitted_effect_that_is_no_line_runs_with_its_parameters():
+    assumed: list[str] = []
+    active = effects_of_model(model_with(shaped(amplitude=0.02, time_constant=7.0, stiffness=8e3)), assumed)
+    assert [(item.effect.id, item.values) for item in active] == [("creep", (0.02, 7.0, 8e3))]
+    assert not assumed
+
+
+def test_an_effect_that_no_bench_can_have_is_left_out_and_said():
     assumed: list[str] = []
     model = model_with(
-        fitted("creep", "torsion", "output_torque", "lag"),
-        fitted("torque-ripple", "motor balance", "motor_position", "product"),
+        shaped(amplitude=0.02, stiffness=8e3),
+        shaped(amplitude=-1.0, time_constant=7.0, stiffness=8e3),
+        fitted("goblins", "nowhere", "motor_position"),
     )
     assert effects_of_model(model, assumed) == ()
-    assert [text.partition(" ")[0] for text in assumed] == ["'creep'", "'torque-ripple'"]
+    assert "no time_constant" in assumed[0]
+    assert "amplitude = -1.0" in assumed[1]
+    assert "'goblins'" in assumed[2]

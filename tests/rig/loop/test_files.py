@@ -1,7 +1,6 @@
 """model.json, predictions, table and plot of one small campaign."""
 
 import json
-import math
 from functools import cache
 from pathlib import Path
 
@@ -48,8 +47,8 @@ def test_a_prediction_and_its_residual_add_up_to_the_target() -> None:
     run = turning_run("d", 7)
     torque = next(item for item in predict_run(run, result().model) if item.equation == "motor-torque")
     assert np.allclose(torque.predicted + torque.residual, run.signals["motor_torque"], atol=1e-15)
-    # white noise of 0.2 mN*m around Coulomb friction, and 20 mN*m of the output over 100, averaged over 4 samples
-    assert np.std(torque.residual[~torque.settling]) == pytest.approx(math.hypot(2e-4, 1e-4), rel=0.1)
+    # white noise of 0.2 mN*m around Coulomb friction; the output torque of an unloaded run is noise and stays out
+    assert np.std(torque.residual[~torque.settling]) == pytest.approx(2e-4, rel=0.1)
 
 
 def test_the_predicted_motor_torque_does_not_depend_on_the_measured_one() -> None:
