@@ -28,7 +28,7 @@ from rig.loop.open_statements import open_statements
 from rig.loop.parameters import parameter_table
 from rig.loop.report_steps import model_of, steps_of
 from rig.loop.result import EquationResult, Errors, LoopResult, View
-from rig.loop.select import NOT_EVERYWHERE, Selection, select
+from rig.loop.select import NOT_EVERYWHERE, Selection, Unadded, select
 from rig.loop.shapes import ShapeTerm
 from rig.loop.starts import FACTOR, scaled_to_data
 from rig.loop.terms import Entry, Line, TermClass
@@ -203,7 +203,7 @@ def _selected(
     found, fastest = (base, first), math.inf
     speeds = sorted({abs(float(v)) for p in pieces if _runs_free(p) for v in np.unique(p.track.speed[p.index])})
     slower = [v for v in speeds if v < speeds[-1] / SAME_SPEED]
-    while slower and any(item.why == NOT_EVERYWHERE and not item.kind.is_angle for item in found[1].unadded):
+    while slower and any(_not_followed(item) for item in found[1].unadded):
         limit = SAME_SPEED * slower.pop()
         slower = [v for v in slower if v < limit / SAME_SPEED**2]
         fewer = _up_to(pieces, limit)
@@ -212,6 +212,11 @@ def _selected(
         if len(found[1].decisions) > len(first.decisions):
             return found[0], found[1], limit
     return (found[0], found[1], fastest) if found[1] is first else (fit_base(pieces, start), first, fastest)
+
+
+def _not_followed(item: Unadded) -> bool:
+    """Whether a torque line shows at some speeds only."""
+    return item.why == NOT_EVERYWHERE and item.order is not None and not item.kind.is_angle
 
 
 def _known_speed(pieces: Sequence[Piece], selection: Selection) -> float:
