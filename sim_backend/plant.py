@@ -66,7 +66,8 @@ class PlantTruth(NamedTuple):
 
     `motor_current` is the one that the motor's drive believes in. `flexspline_torque` and `wave_generator_torque` are
     T_F and T_w. `work` is what both drives put in, `heat` what friction and dampers took, `effect_work` what the
-    effects took; `stored` is kinetic and elastic energy now. The temperatures come of that heat, not on top of it.
+    effects took; `stored` is elastic and kinetic energy now, the latter 0.5 J w(t - h/2) w(t + h/2) with the step h,
+    which is what the integrator keeps. The temperatures come of that heat, not on top of it.
     """
 
     time: float
@@ -175,13 +176,16 @@ class Plant:
         """Clamp the output to the fixture where it stands, or let it go."""
         if locked == self.locked:
             return
-        lost = self._fixture_energy()
-        self._state[stepper.DISSIPATED] += lost
-        self._state[stepper.HEAT_BEFORE] += lost  # it does not warm the gear
+        before = self._stored_energy()  # of it, what a fixture that opens held is lost
+        if self._kernel.yielding:
+            self._kernel.change_lock(float(locked), *self._arrays)
         self._inputs[stepper.LOCKED] = 1.0 if locked else 0.0
         self._inputs[stepper.LOCK_POSITION] = self._state[stepper.OUTPUT_POSITION]
-        self._state[stepper.FIXTURE_TORQUE] = 0.0
+        self._state[stepper.FIXTURE_TORQUE] = self._state[stepper.FIXTURE_DAMPER] = 0.0
         self._state[stepper.OUTPUT_TORQUE] = self._state[stepper.LOAD_TORQUE]
+        lost = before - self._stored_energy()
+        self._state[stepper.DISSIPATED] += lost
+        self._state[stepper.HEAT_BEFORE] += lost  # it does not warm the gear
         self._reading = None
 
     def read(self) -> PlantReading:
@@ -267,8 +271,11 @@ class Plant:
         flexspline = s[stepper.OUTPUT_POSITION] - s[stepper.ERROR] - s[stepper.SERIES_ANGLE] - s[stepper.RIM]
         energy = _FLEXSPLINE_ENERGY[self.config.law](flexspline, c)
         energy += springs.wave_generator_energy(s[stepper.MOTOR_POSITION] + c.ratio * s[stepper.RIM], c)
-        energy += 0.5 * c.motor_inertia * s[stepper.MOTOR_VELOCITY] ** 2
-        energy += 0.5 * c.output_inertia * s[stepper.OUTPUT_VELOCITY] ** 2
+        # the speeds half a step before and after now differ from that of now by these
+        kick_m = 0.5 * c.step * s[stepper.MOTOR_FORCE] / c.motor_inertia
+        kick_o = 0.5 * c.step * (s[stepper.OUTPUT_FORCE] + s[stepper.FIXTURE_TORQUE]) / c.output_inertia
+        energy += 0.5 * c.motor_inertia * (s[stepper.MOTOR_VELOCITY] ** 2 - kick_m**2)
+        energy += 0.5 * c.output_inertia * (s[stepper.OUTPUT_VELOCITY] ** 2 - kick_o**2)
         return energy + self._fixture_energy()
 
     def _fixture_energy(self) -> float:

@@ -88,7 +88,7 @@ def test_the_rim_of_the_plant_is_a_play_between_the_two_torques(start_angle: flo
     position = np.interp(np.arange(5001) / 1000.0, np.arange(6), corners)
     rim_angle, slip, torques = -start_angle / 100.0, 0.0, []
     for motor_position in position.tolist():
-        slip, T_F, T_w = rim.move_rim(slip, rim_angle, -start_angle / 100.0, 0.0, motor_position, 0.0, 1.2, c)
+        slip, _, T_F, T_w = rim.move_rim(slip, rim_angle, -start_angle / 100.0, 0.0, motor_position, 0.0, 1.2, c)
         rim_angle += slip
         torques.append((T_F, T_w))
     output_torque, T_w = np.array(torques).T

@@ -31,13 +31,16 @@ class Kernel:
     """`start` and `advance` of the stepper, the effects' parameters, and the size of the state with their memory.
 
     start(state, inputs, constants, effect_parameters), advance(steps, state, inputs, constants, effect_parameters).
-    `readings`: an effect changes readings.
+    change_lock(locked, state, inputs, constants, effect_parameters) belongs before a change of `inputs`; `yielding`: an
+    effect makes it necessary. `readings`: an effect changes readings.
     """
 
     start: Callable[[Array, Array, Array, Array], None]
     advance: Callable[[int, Array, Array, Array, Array], None]
+    change_lock: Callable[[float, Array, Array, Array, Array], None]
     effect_parameters: Array
     state_size: int
+    yielding: bool
     readings: bool
 
 
@@ -74,8 +77,10 @@ def plant_kernel(
     return Kernel(
         start=module.start,
         advance=module.advance,
+        change_lock=module.change_lock,
         effect_parameters=np.array(values or [0.0], dtype=np.float64),
         state_size=stepper.STATE_SIZE + sum(effect.memory * (2 if _in_series(effect) else 1) for effect in kinds),
+        yielding=any(_in_series(effect) and "locked" in effect.signals for effect in kinds),
         readings=any(effect.enters is Enters.READING for effect in kinds),
     )
 

@@ -69,12 +69,12 @@ def move_rim(
     motor_velocity: float,
     level: float,
     c: Constants,
-) -> tuple[float, float, float]:
+) -> tuple[float, float, float, float]:
     """Move the rim by one step; `last_slip` (rad) is what it slid in the step before.
 
     flexspline_base: output angle less the transmission error, rad; flexspline_rate: its speed, rad/s;
     level: of dry friction in this step, N*m.
-    Gives (slip rad, T_F, T_w); a slip of exactly zero means that the rim sticks.
+    Gives (slip rad, speed rad/s, T_F, T_w) of the rim; a slip of exactly zero means that it sticks.
     """
     if last_slip != 0.0:
         direction = math.copysign(1.0, last_slip)
@@ -92,15 +92,15 @@ def move_rim(
             c,
         )
         if slip * direction > 0.0 and rate * direction >= 0.0:
-            return slip, T_F, T_w
+            return slip, rate, T_F, T_w
     T_F, _ = flexspline_torque(flexspline_base - rim, c)
     T_w, _ = wave_generator_torque(-motor_position - c.ratio * rim, c)
     T_F += c.flexspline_damping * flexspline_rate
     T_w -= c.wave_generator_damping * motor_velocity
     force = T_F + c.ratio * T_w
     if abs(force) <= level:
-        return 0.0, T_F, T_w
-    slip, _, T_F, T_w = slide(
+        return 0.0, 0.0, T_F, T_w
+    return slide(
         math.copysign(1.0, force),
         0.0,
         1.0 / c.step,
@@ -113,4 +113,3 @@ def move_rim(
         level,
         c,
     )
-    return slip, T_F, T_w

@@ -141,11 +141,11 @@ def move_rim_in_series(
     state: Array,
     effect_parameters: Array,
     c: Constants,
-) -> tuple[float, float, float, Series]:
+) -> tuple[float, float, float, float, Series]:
     """Do what `rim.move_rim` does; `last` is the series at the end of the step before.
 
     flexspline_base: output angle less what adds to the torsion whatever the torque, rad.
-    Gives (slip rad, T_F, T_w, series).
+    Gives (slip rad, rim speed rad/s, T_F, T_w, series).
     """
     if last_slip != 0.0:
         direction = math.copysign(1.0, last_slip)
@@ -167,15 +167,15 @@ def move_rim_in_series(
             c,
         )
         if slip * direction > 0.0 and rate * direction >= 0.0:
-            return slip, T_F, T_w, series
+            return slip, rate, T_F, T_w, series
     series, _ = wind(flexspline_base - rim, ACCURACY, last, now, state, effect_parameters, c)
     T_w, _ = wave_generator_torque(-motor_position - c.ratio * rim, c)
     T_F = series.torque + c.flexspline_damping * flexspline_rate
     T_w -= c.wave_generator_damping * motor_velocity
     force = T_F + c.ratio * T_w
     if abs(force) <= level:
-        return 0.0, T_F, T_w, series
-    slip, _, T_F, T_w, series = slide_in_series(
+        return 0.0, 0.0, T_F, T_w, series
+    return slide_in_series(
         math.copysign(1.0, force),
         0.0,
         1.0 / c.step,
@@ -192,4 +192,3 @@ def move_rim_in_series(
         effect_parameters,
         c,
     )
-    return slip, T_F, T_w, series

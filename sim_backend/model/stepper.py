@@ -10,6 +10,9 @@ with it. Dry rotor friction brakes each half kick and never reverses it. T_F act
 on the motor shaft; at rest T_w = -motor_torque. The motor's drive regulates what it reads: its current loop the
 torque that it believes in, which differs from the shaft's by the error of the reading. Errors of readings are those
 of the last tick of the drive loops. Sense `opposed`. Scalar code that numba compiles.
+
+The energy account takes every force at both ends of a step times the travel between them, as the step itself does, and
+the drives' torque times the mean of both speeds. What is left of the balance is the curvature of the springs' laws.
 """
 
 import math
@@ -56,7 +59,12 @@ from sim_backend.model.series import Series, move_rim_in_series
     OUTPUT_FORCE,
     MOTOR_EFFECTS,
     OUTPUT_EFFECTS,
-    LEVEL,
+    RIM_FORCE,
+    FLEXSPLINE_DAMPER,
+    WAVE_GENERATOR_DAMPER,
+    MOTOR_DAMPER,
+    OUTPUT_DAMPER,
+    FIXTURE_DAMPER,
     ERROR,
     ERROR_OPEN,
     SERIES_TORSION,
@@ -85,7 +93,7 @@ from sim_backend.model.series import Series, move_rim_in_series
     DISSIPATED,
     EFFECT_WORK,
     STATE_SIZE,
-) = range(48)
+) = range(53)
 """Places in the state array; the effects' memory follows. SHOWN_TORQUE is what the motor's drive believes in.
 
 The last three are the energy account, J: work of both drives, heat, work on effects.
@@ -198,7 +206,9 @@ def advance(
     c = unpack(constants)
     theta_m, omega_m = s[MOTOR_POSITION], s[MOTOR_VELOCITY]
     theta_o, omega_o = s[OUTPUT_POSITION], s[OUTPUT_VELOCITY]
-    rim, slip, level, error, open_error = s[RIM], s[SLIP], s[LEVEL], s[ERROR], s[ERROR_OPEN]
+    rim, slip, rim_force, error, open_error = s[RIM], s[SLIP], s[RIM_FORCE], s[ERROR], s[ERROR_OPEN]
+    damper_F, damper_w = s[FLEXSPLINE_DAMPER], s[WAVE_GENERATOR_DAMPER]
+    damper_m, damper_o, damper_l = s[MOTOR_DAMPER], s[OUTPUT_DAMPER], s[FIXTURE_DAMPER]
     motor_torque, shown_torque, load_torque = s[MOTOR_TORQUE], s[SHOWN_TORQUE], s[LOAD_TORQUE]
     torque_error = s[MOTOR_TORQUE_ERROR]
     T_F, last_T_F, T_w, fixture = s[T_F_NOW], s[T_F_BEFORE], s[T_W_NOW], s[FIXTURE_TORQUE]
@@ -250,19 +260,18 @@ def advance(
         output_torque = load_torque + fixture
         time = (s[STEPS] + (i + 1)) * h
         now = signals_at(time, theta_m, next_m, motor_torque, shown_torque, theta_o, next_o, locked, s, c)
-        last_level = level
         level = friction_level(now, 2.0 * T_F - last_T_F, slip, s, effect_parameters, c)
         last_T_F, last_error, last_open = T_F, error, open_error
         error, slope, open_error, open_slope = torsion_effects(now, 0.0, 0.0, h, s, effect_parameters)
         base, base_rate = theta_o - error, next_o - slope * next_m
         if SERIES:
             last_series = series
-            slip, T_F, T_w, series = move_rim_in_series(
+            slip, rim_rate, T_F, T_w, series = move_rim_in_series(
                 slip, series, rim, base, base_rate, theta_m, next_m, level, now, s, effect_parameters, c
             )
             keep_series(s)
         else:
-            slip, T_F, T_w = move_rim(slip, rim, base, base_rate, theta_m, next_m, level, c)
+            slip, rim_rate, T_F, T_w = move_rim(slip, rim, base, base_rate, theta_m, next_m, level, c)
         rim += slip
         last_pull, pull = pull, T_F * open_slope
         motor_force = T_w + T_F * slope
@@ -277,30 +286,36 @@ def advance(
         output_extra = output_effects(now, output_torque, torsion, h, s, effect_parameters)
         motor_force = motor_force - motor_extra - c.rotor_viscous_friction * next_m
         output_force = -T_F - output_extra - c.output_viscous_friction * next_o
+        last_m, last_o = omega_m, omega_o
         omega_m = brake(middle_m + half_m * (motor_drive + motor_force), rotor_loss)
         omega_o = middle_o + half_o * (load_drive + fixture + output_force)
 
         motor_travel, output_travel = h * middle_m, h * middle_o
         flexspline_travel = output_travel - (error - last_error) - slip
         wave_generator_travel = motor_travel + c.ratio * slip
-        work += motor_drive * motor_travel + load_drive * output_travel
+        work += 0.5 * h * (motor_drive * (last_m + omega_m) + load_drive * (last_o + omega_o))
         effect_work += 0.5 * (
             (motor_extra + last_motor_extra) * motor_travel + (output_extra + last_output_extra) * output_travel
         )
         effect_work += 0.5 * ((T_F + last_T_F) * (open_error - last_open) - (pull + last_pull) * motor_travel)
         if SERIES:
             effect_work += 0.5 * (series.torque + last_series.torque) * (series.angle - last_series.angle)
-        dissipated += (
-            0.5 * (level + last_level) * abs(slip)
-            + c.rotor_friction * abs(motor_travel)
-            + (
-                c.rim_damping * slip * slip
-                + c.flexspline_damping * flexspline_travel * flexspline_travel
-                + c.wave_generator_damping * wave_generator_travel * wave_generator_travel
-                + c.rotor_viscous_friction * motor_travel * motor_travel
-                + (locked * c.fixture_damping + c.output_viscous_friction) * output_travel * output_travel
-            )
-            / h
+        last_rim_force, rim_force = rim_force, T_F + c.ratio * T_w
+        if slip != 0.0:
+            rim_force = level * math.copysign(1.0, slip) + c.rim_damping * rim_rate
+        last_F, last_w, last_damper_m, last_damper_o, last_l = damper_F, damper_w, damper_m, damper_o, damper_l
+        damper_F = c.flexspline_damping * (base_rate - rim_rate)
+        damper_w = c.wave_generator_damping * (next_m + c.ratio * rim_rate)
+        damper_m = c.rotor_viscous_friction * next_m
+        damper_o = c.output_viscous_friction * next_o
+        damper_l = locked * c.fixture_damping * next_o
+        dissipated += 0.5 * (
+            (last_rim_force + rim_force) * slip
+            + (last_F + damper_F) * flexspline_travel
+            + (last_w + damper_w) * wave_generator_travel
+            + (last_damper_m + damper_m) * motor_travel
+            + (last_damper_o + damper_o + last_l + damper_l) * output_travel
+            + c.rotor_friction * h * abs(last_m + omega_m)
         )
         if READINGS and wait <= 0.0:
             now = signals_at(time, theta_m, omega_m, motor_torque, shown_torque, theta_o, omega_o, locked, s, c)
@@ -311,7 +326,9 @@ def advance(
     s[STEPS] += steps
     s[MOTOR_POSITION], s[MOTOR_VELOCITY] = theta_m, omega_m
     s[OUTPUT_POSITION], s[OUTPUT_VELOCITY] = theta_o, omega_o
-    s[RIM], s[SLIP], s[LEVEL], s[ERROR], s[ERROR_OPEN] = rim, slip, level, error, open_error
+    s[RIM], s[SLIP], s[RIM_FORCE], s[ERROR], s[ERROR_OPEN] = rim, slip, rim_force, error, open_error
+    s[FLEXSPLINE_DAMPER], s[WAVE_GENERATOR_DAMPER] = damper_F, damper_w
+    s[MOTOR_DAMPER], s[OUTPUT_DAMPER], s[FIXTURE_DAMPER] = damper_m, damper_o, damper_l
     s[SERIES_TORSION], s[SERIES_TORQUE], s[SERIES_ANGLE] = series.torsion, series.torque, series.angle
     s[SERIES_STIFFNESS], s[SERIES_COMPLIANCE], s[PULL] = series.stiffness, series.compliance, pull
     s[MOTOR_TORQUE], s[SHOWN_TORQUE], s[LOAD_TORQUE] = motor_torque, shown_torque, load_torque
@@ -322,6 +339,31 @@ def advance(
     s[LOOP_WAIT], s[MOTOR_COMMAND], s[LOAD_COMMAND] = wait, motor_command, load_command
     s[MOTOR_INTEGRAL], s[LOAD_INTEGRAL] = motor_integral, load_integral
     s[WORK], s[DISSIPATED], s[EFFECT_WORK] = work, dissipated, effect_work
+
+
+def change_lock(
+    locked: float,
+    s: NDArray[np.float64],
+    inputs: NDArray[np.float64],
+    constants: NDArray[np.float64],
+    effect_parameters: NDArray[np.float64],
+) -> None:
+    """Let the output's reading jump by what a fixture that opens or closes yields under the torque in the flexspline.
+
+    The flange itself, the springs and their torques stay where they are.
+    """
+    c = unpack(constants)
+    if not SERIES:
+        return
+    change = 0.0
+    for sign, holds in ((1.0, locked), (-1.0, inputs[LOCKED])):
+        now = signals_at(
+            s[STEPS] * c.step, s[MOTOR_POSITION], s[MOTOR_VELOCITY], s[MOTOR_TORQUE], s[SHOWN_TORQUE],
+            s[OUTPUT_POSITION], s[OUTPUT_VELOCITY], holds, s, c,
+        )  # fmt: skip
+        change += sign * series_effects(now, s[SERIES_TORQUE], s[SERIES_TORSION], c.step, s, effect_parameters)
+    s[SERIES_ANGLE] += change
+    s[OUTPUT_POSITION] += change
 
 
 def start(
@@ -340,7 +382,7 @@ def start(
     s[ERROR], s[ERROR_OPEN], s[SERIES_ANGLE] = error, open_error, angle
     s[OUTPUT_POSITION] = error + angle
     now = signals_at(0.0, 0.0, 0.0, 0.0, 0.0, error + angle, 0.0, inputs[LOCKED], s, c)
-    s[LEVEL] = friction_level(now, 0.0, 0.0, s, effect_parameters, c)
+    friction_level(now, 0.0, 0.0, s, effect_parameters, c)
     s[MOTOR_EFFECTS] = motor_effects(now, 0.0, 0.0, h, s, effect_parameters)
     s[OUTPUT_EFFECTS] = output_effects(now, 0.0, 0.0, h, s, effect_parameters)
     s[MOTOR_FORCE] = -s[MOTOR_EFFECTS]

@@ -91,9 +91,9 @@ def test_it_changes_what_the_bench_does_or_what_it_reads(effect: Effect):
 def test_the_energy_account_closes_with_it_and_better_so_at_a_finer_step(effect: Effect):
     error, gross = balance(round_trip([typical(effect)])[0])
     assert error < 1e-4 * gross
-    finer, _ = balance(round_trip([typical(effect)], step=1e-5)[0])
-    # second order gives a quarter, to which the moments of sticking and sliding add a little
-    assert finer < 0.35 * error
+    finer, _ = balance(round_trip([typical(effect)], step=5e-6)[0])
+    # second order gives a sixteenth; nearly all of it comes of one jolt, in which the steps are too long for the rule
+    assert finer < 0.2 * error
 
 
 @over(CONSERVATIVE)

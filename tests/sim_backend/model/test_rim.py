@@ -20,7 +20,7 @@ def force(rim: float, output: float, motor: float, c=C) -> float:
 
 def test_the_rim_sticks_while_the_springs_pull_less_than_its_friction():
     assert abs(force(0.0, 1e-4, -1e-3)) < 1.2
-    slip, T_F, T_w = move_rim(0.0, 0.0, 1e-4, 0.0, -1e-3, 0.0, 1.2, C)
+    slip, _, T_F, T_w = move_rim(0.0, 0.0, 1e-4, 0.0, -1e-3, 0.0, 1.2, C)
     assert slip == 0.0
     assert T_F + C.ratio * T_w == pytest.approx(force(0.0, 1e-4, -1e-3))
 
@@ -29,7 +29,7 @@ def test_the_rim_sticks_while_the_springs_pull_less_than_its_friction():
 @pytest.mark.parametrize("last_slip", [0.0, 1e-6, -1e-6])
 def test_the_rim_slides_until_the_pull_equals_its_friction(output, motor, last_slip):
     before = force(0.0, output, motor)
-    slip, T_F, T_w = move_rim(last_slip, 0.0, output, 0.0, motor, 0.0, 1.2, C)
+    slip, _, T_F, T_w = move_rim(last_slip, 0.0, output, 0.0, motor, 0.0, 1.2, C)
     # 1e-10 N*m: the accuracy to which the rim's law is solved
     assert T_F + C.ratio * T_w == pytest.approx(1.2 if before > 0 else -1.2, abs=1e-9)
     assert slip * before > 0.0
@@ -40,6 +40,6 @@ def test_sliding_at_constant_speed_adds_the_viscous_torque():
     c = derive(PlantConfig(dataclasses.replace(DRIVE, viscous_friction=1e-4), **QUIET))
     speed, slip, rim = 0.5, 0.0, 0.0
     for k in range(1, 2001):
-        slip, T_F, T_w = move_rim(slip, rim, speed * c.step * k, speed, -100.0 * speed * c.step * k, 0.0, 1.2, c)
+        slip, _, T_F, T_w = move_rim(slip, rim, speed * c.step * k, speed, -100.0 * speed * c.step * k, 0.0, 1.2, c)
         rim += slip
     assert T_F + c.ratio * T_w == pytest.approx(1.2 + 1e-4 * 100.0**2 * speed, rel=1e-9)
