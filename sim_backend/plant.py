@@ -118,12 +118,12 @@ class Plant:
         self._state_view = cast("memoryview[float]", self._state.data)
         self._inputs_view = cast("memoryview[float]", self._inputs.data)
         self._noise: Iterator[list[float]] = iter(())
-        self._advance = self._kernel.advance
-        self._arrays = (self._state, self._inputs, self._constants, self._kernel.effect_parameters)
+        self._stepper = self._kernel.bind(self._state, self._inputs, self._constants)
+        self._advance = self._stepper.advance
         self._step = config.step
         self._steps = 0
         self._reading: PlantReading | None = None
-        self._kernel.start(*self._arrays)
+        self._stepper.start(0)
 
     @property
     def time(self) -> float:
@@ -142,7 +142,7 @@ class Plant:
             raise ModelError(f"time = {time!r} s is in the past: the plant stands at {self.time!r} s.")
         if steps == 0:
             return
-        self._advance(steps, *self._arrays)
+        self._advance(steps)
         self._steps += steps
         self._reading = None
 
@@ -178,7 +178,7 @@ class Plant:
             return
         before = self._stored_energy()  # of it, what a fixture that opens held is lost
         if self._kernel.yielding:
-            self._kernel.change_lock(float(locked), *self._arrays)
+            self._stepper.change_lock(int(locked))
         self._inputs[stepper.LOCKED] = 1.0 if locked else 0.0
         self._inputs[stepper.LOCK_POSITION] = self._state[stepper.OUTPUT_POSITION]
         self._state[stepper.FIXTURE_TORQUE] = self._state[stepper.FIXTURE_DAMPER] = 0.0

@@ -17,7 +17,7 @@ from sim_backend.errors import ModelError
 
 _PLAIN = "def compiled(function):\n    return function\n"
 # without forceinline LLVM leaves the solvers out of line, and a step of the plant costs half as much again
-_COMPILED = "import numba\n\ncompiled = numba.njit(cache=True, error_model='numpy', forceinline=True)\n"
+_COMPILED = "import numba\n\ncompiled = numba.njit(cache=True, nogil=True, error_model='numpy', forceinline=True)\n"
 _HEADER = '''"""{title}. Generated; edits here are lost."""
 
 from __future__ import annotations
@@ -39,19 +39,29 @@ def load(title: str, body: str, *, compiled: bool = True) -> ModuleType:
     Without numba, or with compiled=False, the same source runs as plain Python.
     Raises ModelError if the user's cache folder belongs to somebody else.
     """
-    if not compiled or importlib.util.find_spec("numba") is None:
-        return _run(_HEADER.format(title=title, compiler=_PLAIN, body=body))
+    if not compiled or not has_numba():
+        return _run(kernel_text(title, _PLAIN, body))
     import numba  # slow to import, and only here
 
-    text = _HEADER.format(title=title, compiler=_COMPILED, body=body)
+    text = kernel_text(title, _COMPILED, body)
     digest = hashlib.sha256(numba.__version__.encode() + text.encode()).hexdigest()
     name = f"harmonic_rig_{digest[:24]}"
     if name in sys.modules:
         return sys.modules[name]
     path = cache_folder() / f"{name}.py"
     if not path.is_file() or path.read_text("utf-8") != text:
-        _write(path, text)
+        write_whole(path, text.encode())
     return _import(name, path)
+
+
+def has_numba() -> bool:
+    """Tell whether there is a compiler, without importing it."""
+    return importlib.util.find_spec("numba") is not None
+
+
+def kernel_text(title: str, compiler: str, body: str) -> str:
+    """Give the source of a module; `compiler` defines the decorator `compiled`."""
+    return _HEADER.format(title=title, compiler=compiler, body=body)
 
 
 def cache_folder() -> Path:
@@ -76,11 +86,11 @@ def cache_folder() -> Path:
     return folder
 
 
-def _write(path: Path, text: str) -> None:
-    """Write the file in one piece, so that another process never imports half of it."""
+def write_whole(path: Path, content: bytes) -> None:
+    """Write the file in one piece, so that another process never reads half of it."""
     handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-    with os.fdopen(handle, "w", encoding="utf-8") as file:
-        file.write(text)
+    with os.fdopen(handle, "wb") as file:
+        file.write(content)
     Path(temporary).replace(path)
 
 

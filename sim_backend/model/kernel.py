@@ -1,17 +1,17 @@
 """The plant's kernel for one set of effects: one flat generated module of the stepper and the effects' functions."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_backend.errors import ModelError
 from sim_backend.model import constants, drive_loop, effect_sums, rim, series, springs, stepper
-from sim_backend.model.compiler import load
 from sim_backend.model.compliance import Compliance
 from sim_backend.model.effects import ActiveEffect, Effect, Enters
+from sim_backend.model.machine_code import Bound, bind
 from sim_backend.model.source import definitions, function_source
 
 FLEXSPLINE_SIGNALS = ("output_torque", "flexspline_torsion")
@@ -25,23 +25,45 @@ READABLE = ("motor_position", "motor_torque", "output_position", "output_torque"
 
 Array = NDArray[np.float64]
 
+_CALLS = (
+    ("start", "start(*arrays)"),
+    ("advance", "advance(count, *arrays)"),
+    ("change_lock", "change_lock(float(count), *arrays)"),
+)
+
+
+class Stepper(NamedTuple):
+    """Functions of the stepper for the arrays of one plant.
+
+    start(0) once; advance(steps); change_lock(1) before the inputs say that the output is locked, 0 before it is free.
+    """
+
+    start: Bound
+    advance: Bound
+    change_lock: Bound
+
 
 @dataclass(frozen=True, slots=True)
 class Kernel:
-    """`start` and `advance` of the stepper, the effects' parameters, and the size of the state with their memory.
+    """The source of the stepper with its effects, their parameters, and the size of the state with their memory.
 
-    start(state, inputs, constants, effect_parameters), advance(steps, state, inputs, constants, effect_parameters).
-    change_lock(locked, state, inputs, constants, effect_parameters) belongs before a change of `inputs`; `yielding`: an
-    effect makes it necessary. `readings`: an effect changes readings.
+    `yielding`: an effect makes `change_lock` necessary. `readings`: an effect changes readings.
     """
 
-    start: Callable[[Array, Array, Array, Array], None]
-    advance: Callable[[int, Array, Array, Array, Array], None]
-    change_lock: Callable[[float, Array, Array, Array, Array], None]
+    source: str
+    compiled: bool
     effect_parameters: Array
     state_size: int
     yielding: bool
     readings: bool
+
+    def bind(self, state: Array, inputs: Array, constants: Array) -> Stepper:
+        """Give the stepper's functions for these arrays; they are compiled once and then come from the user's cache.
+
+        Raises ModelError if an array is not of float64.
+        """
+        arrays = (state, inputs, constants, self.effect_parameters)
+        return Stepper(**bind("The plant of a simulated bench", self.source, _CALLS, arrays, compiled=self.compiled))
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,17 +89,15 @@ class _Placed:
 def plant_kernel(
     effects: Sequence[ActiveEffect], law: Compliance = Compliance.ARCTAN, *, compiled: bool = True
 ) -> Kernel:
-    """Give the kernel for these effects and this law of the flexspline, compiled once and then from the user's cache.
+    """Give the kernel for these effects and this law of the flexspline.
 
     Raises ModelError if an effect takes or changes a signal that the plant does not have, or enters where it cannot.
     """
     kinds = [active.effect for active in effects]
-    module: Any = load("The plant of a simulated bench", kernel_source(kinds, law), compiled=compiled)
     values = [value for active in effects for value in active.values]
     return Kernel(
-        start=module.start,
-        advance=module.advance,
-        change_lock=module.change_lock,
+        source=kernel_source(kinds, law),
+        compiled=compiled,
         effect_parameters=np.array(values or [0.0], dtype=np.float64),
         state_size=stepper.STATE_SIZE + sum(effect.memory * (2 if _in_series(effect) else 1) for effect in kinds),
         yielding=any(_in_series(effect) and "locked" in effect.signals for effect in kinds),
