@@ -4,6 +4,7 @@ import ast
 import inspect
 import textwrap
 from collections.abc import Callable
+from functools import cache
 from types import ModuleType
 
 from sim_backend.errors import ModelError
@@ -12,6 +13,7 @@ ALLOWED_GLOBALS = frozenset({"math", "np", "abs", "min", "max", "float", "int", 
 """What an effect's function may use besides its arguments: a generated module has these and nothing else."""
 
 
+@cache
 def definitions(module: ModuleType, *only: str) -> str:
     """Give the constants, functions and tuple classes which `module` defines, without its imports and docstring.
 
