@@ -60,6 +60,10 @@ LEAST_LEVEL = 1e-3
 """Share of the base level of friction that is left whatever is taken from it."""
 
 
+LEVEL_PASSES = 3
+"""Rounds in which the torque that gets through takes up a friction that grows with it."""
+
+
 @dataclass(frozen=True, slots=True)
 class Model:
     """Base parameters in the order of `table`, lines and shapes added to them, and the gear ratio (None: unknown)."""
@@ -139,6 +143,8 @@ class Evaluation:
             load = load_addition(kind.entry, plain, self.direction)
             if self.load is not None and load is not None:
                 column += _through(self.load, load, rows)
+            if self.friction is not None and kind.entry is Entry.MOTOR_AGAINST_MOTION:
+                column += _through(self.friction, plain, rows)
             found.append(column)
         return found[0], found[1], found[2]
 
@@ -209,8 +215,6 @@ def motor_addition(
             return -0.5 * torque**2 * slope
         case Entry.MOTOR_TIMES_TORQUE:
             return signals["motor_torque"] * value if "motor_torque" in signals else None
-        case Entry.MOTOR_AGAINST_MOTION:
-            return signals["direction"] * value
         case _:
             return None
 
@@ -288,7 +292,10 @@ class _Added:
 
     def friction(self, signals: Mapping[str, Floats]) -> Floats | None:
         """Give the sum added to the level of friction, N*m at the motor, shape (n,); None where nothing is."""
-        parts = [addition(term, signals, self.step) for term in self._at(Place.FRICTION)]
+        parts: list[Floats | None] = [
+            values.value for entry, values in self.lines if entry is Entry.MOTOR_AGAINST_MOTION
+        ]
+        parts += [addition(term, signals, self.step) for term in self._at(Place.FRICTION)]
         return _sum(signals["direction"].size, parts) if parts else None
 
     def _at(self, place: Place) -> list[ShapeTerm]:
@@ -494,13 +501,13 @@ def _locked(track: Track, model: Model) -> Evaluation:
     added = _added(track, model, positions)
     drive = np.zeros(track.size * track.fine) if track.play_drive is None else track.play_drive
     path = play_path(N * drive, N * model.value("T_fs"), track.fine)
-    stand_in = path.output
-    signals = _signals(track, model, positions, stand_in, track.M)
-    if model.lines or model.shapes:
+    signals = _signals(track, model, positions, path.output, track.M)
+    for _ in range(LEVEL_PASSES if model.lines or model.shapes else 0):
         against = np.repeat(added.motor(signals), track.fine)
-        path = play_path(
-            N * (drive - against), N * _radius(model.value("T_fs"), added.friction(signals), track.fine), track.fine
-        )
+        radius = N * _radius(model.value("T_fs"), added.friction(signals), track.fine)
+        path = play_path(N * (drive - against), radius, track.fine)
+        signals = signals | {FLEXSPLINE_TORQUE: path.output, "output_torque": path.output}
+    stand_in = path.output
     ones = np.ones(track.size)
     slipped, last = path.slip >= 0, np.maximum(path.slip, 0)
     carried = Route(np.where(slipped, -N, 0.0), last)

@@ -543,7 +543,7 @@ def _classes(
         if kind.variable == variable
         and kind.fixed_order is None
         and kind.orders[0] - resolution <= order <= kind.orders[1] + resolution
-        and (kind.entry in flips) == against
+        and (kind.entry in flips or (against and kind.entry is Entry.MOTOR_TIMES_TORQUE)) == against
         and kind.effect != SUBDIVISION
         # twice a turn an encoder errs tens of times less than a strain wave gear
         and not (kind.entry is Entry.MOTOR_ANGLE and order > 1.5)
@@ -551,6 +551,8 @@ def _classes(
     if against:
         entry = Entry.MOTOR_AGAINST_MOTION if motor else Entry.OUTPUT_AGAINST_MOTION
         same = [kind for kind in kinds if kind.entry is entry] or [TermClass(None, entry, variable)]
+        # while nothing loads the motor its torque is friction, and flips as friction does
+        same += [kind for kind in kinds if motor and not current and kind.entry is Entry.MOTOR_TIMES_TORQUE]
         return [_Proposal(kind, order, resolution) for kind in same]
     if current:
         kinds = [kind for kind in kinds if kind.entry is Entry.MOTOR]

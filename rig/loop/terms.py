@@ -9,7 +9,7 @@ signals, sense `opposed`):
     angle only         torsion += e, nothing else: an angle that is measured wrongly, or not understood
     angle of the motor torsion += e/N: the reading of the motor's angle
     times torque       torsion += T e, and the motor feels -T^2 e'/2; or motor torque += M e (M: motor torque)
-    against motion     motor or output torque += sign of the speed * e: friction, not a conservative torque
+    against motion     level of the friction at the motor += e, or output torque += sign of the speed * e
 """
 
 import math

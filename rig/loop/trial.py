@@ -113,6 +113,8 @@ def acts(item: LinearPiece, kind: TermClass) -> bool:
     if entry.is_angle:
         reacts = entry in (Entry.TORSION, Entry.TORSION_TIMES_TORQUE) and evaluation.motor is not None
         return evaluation.angle or (reacts and bool(np.any(evaluation.torque)))
+    if entry is Entry.MOTOR_AGAINST_MOTION:
+        return evaluation.friction is not None
     return (evaluation.load if entry.equation is Equation.OUTPUT_TORQUE else evaluation.motor) is not None
 
 
