@@ -205,7 +205,9 @@ def _round(
 
 def _shapes(ground: Ground, known: Mapping[str, float], least: float) -> list[ShapeTrial]:
     """Give how every effect that is no line explains what is left, best first."""
-    scales = scales_of(ground.fit.linear, {**known, "stiffness": ground.fit.model.value("K_F0")})
+    table = ground.fit.model.table
+    stiffness = float(table.centre()[table.names.index("K_F0")])
+    scales = scales_of(ground.fit.linear, {**known, "stiffness": stiffness})
     return shape_trials(ground, scales, least)
 
 

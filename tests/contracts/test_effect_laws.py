@@ -315,7 +315,9 @@ def work(effect: Effect, signals: Signals, step: float) -> tuple[float, float]:
         return float(np.sum(pieces)), float(np.sum(np.abs(pieces)))
 
     if effect.enters is Enters.TORSION:
-        taken, gross = integral(signals["output_torque"], value)
+        # what takes the wave generator's torque lies in series with it, at the motor's shaft
+        in_series = effect.signals == ("motor_torque",)
+        taken, gross = integral(signals["motor_torque" if in_series else "output_torque"], value)
         if effect.slope is not None:
             reaction = signals["output_torque"] * evaluate_slope(effect, signals, typical(effect), step=step)
             given, more = integral(reaction, signals["motor_position"])

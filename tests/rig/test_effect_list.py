@@ -46,7 +46,7 @@ def test_a_name_gives_that_effect_alone_and_explains_what_its_equation_uses():
 def test_what_is_not_fitted_is_marked():
     words = " ".join(effects("backlash").stdout.split())
     assert "gear ratio; given, not fitted" in words
-    assert "at the motor; given" not in words
+    assert "half of the gap, at the motor; given" not in words
 
 
 def test_json_holds_the_whole_entry():

@@ -40,6 +40,7 @@ EFFECT = Effect(
         "wave-generator-compliance",
         "maxwell-slip",
         "coulomb-friction",
+        "encoder-missed-counts",
     ),
     separated_by="a bias torque removes it; reversals of a free run (motion without torque) against backdrive",
 )

@@ -1,0 +1,91 @@
+"""What the standard campaign establishes of one effect of the catalogue: the loop's answer beside what was hidden.
+
+Run as a module it goes through the catalogue and prints a table: `python -m tests.rig.loop.standard [SEED] [ID...]`.
+"""
+
+import math
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rig.loop.campaign import LoopOptions
+from rig.loop.result import LoopResult, Verdict
+from rig.loop.trace import trace
+from sim_backend.model.effects import CATALOGUE, Enters
+from tests.independent.campaign import STANDARD, Campaign
+from tests.independent.effects import Effects, draw
+from tests.rig.loop.runs import dut, runs_of
+
+RATE = 100.0
+"""Samples a second."""
+
+FREE_OF_PERIOD = frozenset({"phase"})
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """One campaign: what was hidden, how the loop answered, and by how many half widths each parameter is off."""
+
+    effect: str
+    hidden: Mapping[str, float]
+    result: LoopResult
+    off: Mapping[str, float]
+
+    @property
+    def answer(self) -> str:
+        """`named`, `named, and more`, `ambiguous`, `absorbed`, `wrong`, `untraced` or `none`."""
+        found = self.result.effects
+        if self.effect in found:
+            return "named" if len(found) == 1 else "named, and more"
+        if any(self.effect in name.removeprefix("ambiguous:").split("|") for name in found):
+            return "ambiguous" if len(found) == 1 else "ambiguous, and more"
+        if found:
+            return "wrong"
+        groups = [item for item in self.result.open if item.verdict is Verdict.ABSORBED and self.effect in item.group]
+        if groups:
+            return "absorbed"
+        return "untraced" if self.result.open else "none"
+
+
+def hidden_effects() -> tuple[str, ...]:
+    """Give the ids that are no terms of the base model."""
+    return tuple(effect.id for effect in CATALOGUE.values() if effect.enters is not Enters.BASE)
+
+
+def establish(effect: str, seed: int) -> Outcome:
+    """Record the standard campaign with the effect, drawn from `seed`, and let the loop trace it."""
+    drawn = draw(effect, np.random.default_rng(seed))
+    runs, held_out = runs_of(Campaign(seed, effects=drawn, plan=STANDARD, rate=RATE))
+    result = trace(runs, dut(), LoopOptions(held_out=held_out))
+    hidden = _hidden(drawn, effect)
+    step = next((item for item in result.steps if item.effect == effect), None)
+    off = {}
+    for name, value in hidden.items():
+        estimate = None if step is None else step.parameters.get(name)
+        if estimate is not None and estimate.ci95 is not None:
+            miss = estimate.value - value
+            if name in FREE_OF_PERIOD:
+                miss = math.remainder(miss, 2.0 * math.pi)
+            off[name] = miss / max(0.5 * (estimate.ci95[1] - estimate.ci95[0]), 1e-300)
+    return Outcome(effect, hidden, result, off)
+
+
+def _hidden(drawn: Effects, effect: str) -> dict[str, float]:
+    """Give the parameters of the largest instance of the effect."""
+    return max((dict(values) for values in drawn.of(effect)), key=lambda values: abs(values.get("amplitude", 0.0)))
+
+
+def main(arguments: list[str]) -> None:
+    """Print one line for every effect."""
+    seed = int(arguments[0]) if arguments else 8
+    for effect in arguments[1:] or hidden_effects():
+        outcome = establish(effect, seed)
+        off = ", ".join(f"{name} {value:+.1f}" for name, value in outcome.off.items())
+        found = ", ".join(outcome.result.effects) or "-"
+        print(f"{effect} | {outcome.answer} | {found} | {off} | {outcome.result.elapsed:.0f} s", flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
