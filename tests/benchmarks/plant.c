@@ -92,6 +92,16 @@ static inline double open_angle(const struct parameters *p, const struct prepare
     return p->amplitude * (follow(&m->lag, now->temperature, k->lag) - p->reference);
 }
 
+#elif defined BACKLASH
+#define OPEN_ANGLE
+NO_MEMORY
+struct parameters { double amplitude, contact, ratio; };
+NOTHING_PREPARED
+static inline double open_angle(const struct parameters *p, const struct prepared *k, const struct signals *now,
+                                struct memory *m) {
+    return p->amplitude / p->ratio * clip(now->motor_torque / p->contact, -1.0, 1.0);
+}
+
 #elif defined SOFT_WINDUP
 #define SERIES
 NO_MEMORY
