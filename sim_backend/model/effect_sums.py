@@ -46,7 +46,8 @@ def torsion_effects(
     """Give what does not depend on the flexspline's torque: (angle added to the torsion rad, slope, open, open slope).
 
     slope: the torque on the motor per N*m in the flexspline. The angle of an effect without memory gives the motor
-    all the work that the flexspline does on it; open are angle and slope of the others, which may keep or add some.
+    all the work that the flexspline does on it; open are angle and slope of the others, which may keep or add some, and
+    of which the flexspline's damper feels nothing.
     `output_torque` and `flexspline_torsion` mean nothing here.
     """
     return 0.0, 0.0, 0.0, 0.0

@@ -263,7 +263,8 @@ def advance(
         level = friction_level(now, 2.0 * T_F - last_T_F, slip, s, effect_parameters, c)
         last_T_F, last_error, last_open = T_F, error, open_error
         error, slope, open_error, open_slope = torsion_effects(now, 0.0, 0.0, h, s, effect_parameters)
-        base, base_rate = theta_o - error, next_o - slope * next_m
+        open_change = open_error - last_open
+        base, base_rate = theta_o - error, next_o - (slope - open_slope) * next_m
         if SERIES:
             last_series = series
             slip, rim_rate, T_F, T_w, series = move_rim_in_series(
@@ -297,7 +298,7 @@ def advance(
         effect_work += 0.5 * (
             (motor_extra + last_motor_extra) * motor_travel + (output_extra + last_output_extra) * output_travel
         )
-        effect_work += 0.5 * ((T_F + last_T_F) * (open_error - last_open) - (pull + last_pull) * motor_travel)
+        effect_work += 0.5 * ((T_F + last_T_F) * open_change - (pull + last_pull) * motor_travel)
         if SERIES:
             effect_work += 0.5 * (series.torque + last_series.torque) * (series.angle - last_series.angle)
         last_rim_force, rim_force = rim_force, T_F + c.ratio * T_w

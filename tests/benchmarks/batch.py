@@ -16,9 +16,9 @@ from sim_backend.ports import AxisMode
 
 DRIVE = HarmonicDrive(ratio=100.0, K_F0=8e3, C_F=0.07, K_w0=1.333, C_w=83.3, friction_torque=1.2)
 PLANTS = 64
-SECONDS = 2.0
-ROUNDS = 9
-DATA = bytes(4_000_000)
+SECONDS = 0.5
+ROUNDS = 15
+DATA = bytes(1_000_000)
 
 
 def batch() -> list[Plant]:

@@ -10,9 +10,8 @@ from drivers.types import Mode, Sample
 from procedures.free_run import FreeRun, plan, summarise
 from procedures.intents import Command
 from procedures.waveforms import TURN
-from sim_backend.model.effects import ActiveEffect
+from sim_backend.model.effects import CATALOGUE, ActiveEffect
 from tests.procedures.drive import FACTS, LIMITS, Driven, PlantBench, drive, drive_all, with_facts
-from tests.sim_backend.small_effects import LOAD_FRICTION
 
 FAST = FreeRun(dwell=1.0, speeds=(100.0, 200.0), turns=1, repeats=1)
 
@@ -138,7 +137,7 @@ LOADED = replace(FAST, speeds=(150.0,), load_torques=(-8.0, 0.0, 8.0))
 
 @pytest.fixture(scope="module")
 def loaded() -> list[Driven]:
-    friction = ActiveEffect(LOAD_FRICTION.effect, (0.05, FACTS.ratio))
+    friction = ActiveEffect(CATALOGUE["load-dependent-friction"], (0.05, FACTS.ratio))
     runs = drive_all(plan(LOADED, FACTS), PlantBench(effects=(friction,)))
     return [driven for run, driven in runs if not run.set_up]
 

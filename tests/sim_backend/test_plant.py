@@ -837,19 +837,21 @@ def test_the_bench_starts_without_torque_wherever_the_effects_put_it():
 
 
 def test_an_effect_that_assumes_another_bench_is_refused():
-    backlash = CATALOGUE["backlash"]
-    Plant(CONFIG, (ActiveEffect(backlash, (1e-3, 100.0)),))
-    with pytest.raises(ModelError, match=r"backlash: ratio = 50.0 1 contradicts the bench, which has 100.0 1; torsion"):
-        Plant(CONFIG, (ActiveEffect(backlash, (1e-3, 50.0)),))
+    friction = CATALOGUE["load-dependent-friction"]
+    Plant(CONFIG, (ActiveEffect(friction, (0.1, 100.0)),))
+    with pytest.raises(
+        ModelError, match=r"load-dependent-friction: ratio = 50.0 1 contradicts the bench, .* 100.0 1; fric"
+    ):
+        Plant(CONFIG, (ActiveEffect(friction, (0.1, 50.0)),))
     with pytest.raises(ModelError, match=r"current-sensor-offset: torque_constant = 0.1 N\*m/A contradicts"):
         Plant(CONFIG, (ActiveEffect(CATALOGUE["current-sensor-offset"], (0.01, 0.1)),))
 
 
 def test_an_effect_without_the_ratio_or_counts_that_it_needs_is_refused():
     with pytest.raises(
-        ModelError, match=r"backlash: 1 values for 2 parameters; missing are ratio \(1, 1 to 10000: gear"
+        ModelError, match=r"1 values for 2 parameters; missing are ratio \(1, 1 to 10000: gear ratio\); fric"
     ):
-        ActiveEffect(CATALOGUE["backlash"], (1e-3,))
+        ActiveEffect(CATALOGUE["load-dependent-friction"], (0.1,))
     with pytest.raises(ModelError, match=r"encoder-missed-counts: .* missing are encoder_counts \(1/rev, 1 to 1e\+09"):
         ActiveEffect(CATALOGUE["encoder-missed-counts"], (4.0, 0.1, 1.0))
     with pytest.raises(ModelError, match=r"4 values for 3 parameters; it takes amplitude"):
