@@ -269,8 +269,9 @@ class Plant:
         s: list[float]
         s, c = self._state.tolist(), self._derived
         flexspline = s[stepper.OUTPUT_POSITION] - s[stepper.ERROR] - s[stepper.SERIES_ANGLE] - s[stepper.RIM]
+        wave_generator = s[stepper.MOTOR_POSITION] + c.ratio * s[stepper.RIM] + s[stepper.COUPLING_ANGLE]
         energy = _FLEXSPLINE_ENERGY[self.config.law](flexspline, c)
-        energy += springs.wave_generator_energy(s[stepper.MOTOR_POSITION] + c.ratio * s[stepper.RIM], c)
+        energy += springs.wave_generator_energy(wave_generator, c)
         # the speeds half a step before and after now differ from that of now by these
         kick_m = 0.5 * c.step * s[stepper.MOTOR_FORCE] / c.motor_inertia
         kick_o = 0.5 * c.step * (s[stepper.OUTPUT_FORCE] + s[stepper.FIXTURE_TORQUE]) / c.output_inertia

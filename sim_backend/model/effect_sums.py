@@ -1,7 +1,8 @@
 """What the active effects add, as the stepper calls it: here none; `kernel` writes the versions with effects.
 
-Every sum takes the signals `now`, then `output_torque` (N*m) and `flexspline_torsion` (rad), which mean something else
-in each, then the time since the last call (s), the state with the effects' memory, and the effects' parameters.
+Every sum but that of the coupling takes the signals `now`, then `output_torque` (N*m) and `flexspline_torsion` (rad),
+which mean something else in each, then the time since the last call (s), the state with the effects' memory, and the
+effects' parameters.
 """
 
 from typing import NamedTuple
@@ -36,6 +37,8 @@ FRICTION = False
 """An effect changes the friction level of the mesh."""
 SERIES = False
 """An effect in the torsion depends on the torque in the flexspline: a spring in series with it."""
+COUPLED = False
+"""An effect in the torsion depends on the torque in the wave generator alone: a gap or spring in series with it."""
 READINGS = False
 """An effect changes what an instrument shows."""
 
@@ -43,7 +46,7 @@ READINGS = False
 def torsion_effects(
     now: Signals, output_torque: float, flexspline_torsion: float, step: float, state: Array, effect_parameters: Array
 ) -> tuple[float, float, float, float]:
-    """Give what does not depend on the flexspline's torque: (angle added to the torsion rad, slope, open, open slope).
+    """Give what depends on no spring's torque: (angle added to the torsion rad, slope, open, open slope).
 
     slope: the torque on the motor per N*m in the flexspline. The angle of an effect without memory gives the motor
     all the work that the flexspline does on it; open are angle and slope of the others, which may keep or add some, and
@@ -65,6 +68,14 @@ def series_effects(
 
 def keep_series(state: Array) -> None:
     """Make the memory of the last trial the memory."""
+
+
+def coupling_effects(motor_torque: float, effect_parameters: Array) -> float:
+    """Give the angle of what lies in series with the wave generator, rad at the output, for the torque in it.
+
+    motor_torque: N*m at the motor, what the motor must hold at rest: that on the motor shaft with the other sign.
+    """
+    return 0.0
 
 
 def series_slope(

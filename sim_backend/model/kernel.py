@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_backend.errors import ModelError
-from sim_backend.model import constants, drive_loop, effect_sums, rim, series, springs, stepper
+from sim_backend.model import constants, coupling, drive_loop, effect_sums, rim, series, springs, stepper
 from sim_backend.model.compliance import Compliance
 from sim_backend.model.effects import ActiveEffect, Effect, Enters
 from sim_backend.model.machine_code import Bound, bind
@@ -16,6 +16,9 @@ from sim_backend.model.source import definitions, function_source
 
 FLEXSPLINE_SIGNALS = ("output_torque", "flexspline_torsion")
 """Signals besides `effect_sums.Signals`; an effect in the torsion that takes one lies in series with the flexspline."""
+
+COUPLING_SIGNALS = ("motor_torque",)
+"""Signals of an effect in the torsion without memory that lies in series with the wave generator; there it is -T_w."""
 
 SIGNALS = (*effect_sums.Signals._fields, *FLEXSPLINE_SIGNALS)
 """Signals that an effect in the plant may take."""
@@ -78,7 +81,8 @@ class _Placed:
     def call(self, what: str = "", memory_offset: int = 0) -> str:
         """Give the source of a call of its function, or of its `_slope`."""
         effect = self.effect
-        arguments = [name if name in FLEXSPLINE_SIGNALS else f"now.{name}" for name in effect.signals]
+        given = COUPLING_SIGNALS if _couples(effect) else FLEXSPLINE_SIGNALS
+        arguments = [name if name in given else f"now.{name}" for name in effect.signals]
         if effect.memory:
             begin = self.memory + memory_offset
             arguments += ["step", f"state[{begin}:{begin + effect.memory}]"]
@@ -112,7 +116,8 @@ def kernel_source(effects: Sequence[Effect], law: Compliance = Compliance.ARCTAN
     placed = _place(effects)
     entering = {enters: [p for p in placed if p.effect.enters is enters] for enters in Enters}
     in_series = [p for p in placed if _in_series(p.effect)]
-    in_torsion = [p for p in entering[Enters.TORSION] if p not in in_series]
+    coupled = [p for p in entering[Enters.TORSION] if _couples(p.effect)]
+    in_torsion = [p for p in entering[Enters.TORSION] if p not in in_series and p not in coupled]
     readings = [[p for p in entering[Enters.READING] if p.effect.reads == name] for name in READABLE]
     remembered = sum(p.effect.memory for p in in_series)
     trial = stepper.STATE_SIZE + sum(p.effect.memory for p in placed)
@@ -137,7 +142,8 @@ def kernel_source(effects: Sequence[Effect], law: Compliance = Compliance.ARCTAN
             definitions(drive_loop),
             *functions,
             definitions(effect_sums, "Signals"),
-            f"FRICTION, SERIES, READINGS = {bool(entering[Enters.FRICTION])}, {bool(in_series)}, {any(readings)}",
+            f"FRICTION, SERIES = {bool(entering[Enters.FRICTION])}, {bool(in_series)}",
+            f"COUPLED, READINGS = {bool(coupled)}, {any(readings)}",
             _sum(
                 "torsion_effects",
                 f"closed, open_ = {of(closed)}, {of(open_)}",
@@ -150,11 +156,13 @@ def kernel_source(effects: Sequence[Effect], law: Compliance = Compliance.ARCTAN
                 f"return {of(in_series, memory_offset=trial - first)}",
             ),
             "@compiled\ndef keep_series(state):\n" + _lines([*_copy(remembered, trial, first), "return"]),
+            f"@compiled\ndef coupling_effects(motor_torque, effect_parameters):\n    return {of(coupled)}",
             _sum("series_slope", f"return {of(in_series, '_slope')}"),
             _sum("friction_effects", f"return {of(entering[Enters.FRICTION])}"),
             _sum("motor_effects", f"return {of(entering[Enters.MOTOR_BALANCE])}"),
             _sum("output_effects", f"return {of(entering[Enters.OUTPUT_BALANCE])}"),
             _sum("reading_errors", f"return {', '.join(of(group) for group in readings)}"),
+            definitions(coupling),
             definitions(series),
             definitions(stepper),
         ]
@@ -184,6 +192,10 @@ def _check(effect: Effect) -> None:
 
 def _in_series(effect: Effect) -> bool:
     return effect.enters is Enters.TORSION and any(name in FLEXSPLINE_SIGNALS for name in effect.signals)
+
+
+def _couples(effect: Effect) -> bool:
+    return effect.enters is Enters.TORSION and effect.signals == COUPLING_SIGNALS and not effect.memory
 
 
 def _place(effects: Sequence[Effect]) -> list[_Placed]:

@@ -1,19 +1,20 @@
-"""The rim where effects lie in series with the flexspline: springs, gaps and creep that its torque goes through too.
+"""The rim where effects lie in series with one of its springs: springs, gaps and creep that its torque goes through.
 
     windup = x + sum e(T, x; memory),  T = f^-1(x)        x: the flexspline's own torsion, rad
 
 The rim's law is solved as in `rim`, and within it this equation for x: both rise monotonically, so that Newton steps
 inside a bracket find the one solution. By how much the effects yield is taken from the last two trials. The damper of
-the flexspline lies across the whole windup. Effects that add nothing change nothing, to the last bit. Scalar code for
-the compiled kernel.
+the flexspline lies across the whole windup. What lies in series with the wave generator is in `coupling`. Effects that
+add nothing change nothing, to the last bit. Scalar code for the compiled kernel.
 """
 
 import math
 from typing import NamedTuple
 
 from sim_backend.model.constants import Constants
+from sim_backend.model.coupling import coupled_torque
 from sim_backend.model.effect_sums import Array, Signals, series_effects
-from sim_backend.model.springs import flexspline_torque, wave_generator_torque
+from sim_backend.model.springs import flexspline_torque
 
 ACCURACY = 1e-6
 """N*m in the flexspline: a trial that misses by less is good, because a linear step removes all but 1 % of the miss."""
@@ -96,7 +97,7 @@ def slide_in_series(
     for _ in range(100):
         rate = rate_weight * slip - rate_offset
         series, miss = wind(flexspline_base - rim - slip, COARSE, series, now, state, effect_parameters, c)
-        T_w, K_w = wave_generator_torque(-motor_position - c.ratio * (rim + slip), c)
+        T_w, K_w = coupled_torque(-motor_position - c.ratio * (rim + slip), effect_parameters, c)
         T_F = series.torque + c.flexspline_damping * (flexspline_rate - rate)
         T_w -= c.wave_generator_damping * (motor_velocity + c.ratio * rate)
         residual = T_F + c.ratio * T_w - c.rim_damping * rate - direction * level
@@ -169,7 +170,7 @@ def move_rim_in_series(
         if slip * direction > 0.0 and rate * direction >= 0.0:
             return slip, rate, T_F, T_w, series
     series, _ = wind(flexspline_base - rim, ACCURACY, last, now, state, effect_parameters, c)
-    T_w, _ = wave_generator_torque(-motor_position - c.ratio * rim, c)
+    T_w, _ = coupled_torque(-motor_position - c.ratio * rim, effect_parameters, c)
     T_F = series.torque + c.flexspline_damping * flexspline_rate
     T_w -= c.wave_generator_damping * motor_velocity
     force = T_F + c.ratio * T_w

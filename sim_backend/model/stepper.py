@@ -4,12 +4,12 @@
     J_l dw_o/dt = load_torque - fixture - T_F - output friction - output effects
     T_F = f^-1(theta_o - rim - e),  T_w = g^-1(-N rim - theta_m), each with its spring's damper
 
-One evaluation of the springs per step, second order. Velocities inside forces are extrapolated to the end of the
-step, and so is the T_F on which the friction level depends; what lies in series with the flexspline is solved for
-with it. Dry rotor friction brakes each half kick and never reverses it. T_F acts on the flexspline from outside, T_w
-on the motor shaft; at rest T_w = -motor_torque. The motor's drive regulates what it reads: its current loop the
-torque that it believes in, which differs from the shaft's by the error of the reading. Errors of readings are those
-of the last tick of the drive loops. Sense `opposed`. Scalar code that numba compiles.
+One evaluation of the springs per step, second order. Velocities inside forces are extrapolated to the end of the step,
+and so is the T_F on which the friction level depends; what lies in series with a spring is solved for with it. Dry
+rotor friction brakes each half kick and never reverses it. T_F acts on the flexspline from outside, T_w on the motor
+shaft; at rest T_w = -motor_torque. The motor's drive regulates what it reads: its current loop the torque that it
+believes in, which differs from the shaft's by the error of the reading. Errors of readings are those of the last tick
+of the drive loops. Sense `opposed`. Scalar code that numba compiles.
 
 The energy account takes every force at both ends of a step times the travel between them, as the step itself does, and
 the drives' torque times the mean of both speeds. What is left of the balance is the curvature of the springs' laws.
@@ -21,12 +21,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_backend.model.constants import Constants, unpack
+from sim_backend.model.coupling import coupling_angle
 from sim_backend.model.drive_loop import OFF, drive_loop
 from sim_backend.model.effect_sums import (
+    COUPLED,
     FRICTION,
     READINGS,
     SERIES,
     Signals,
+    coupling_effects,
     friction_effects,
     keep_series,
     motor_effects,
@@ -72,6 +75,7 @@ from sim_backend.model.series import Series, move_rim_in_series
     SERIES_ANGLE,
     SERIES_STIFFNESS,
     SERIES_COMPLIANCE,
+    COUPLING_ANGLE,
     PULL,
     MOTOR_POSITION_ERROR,
     MOTOR_VELOCITY_ERROR,
@@ -93,7 +97,7 @@ from sim_backend.model.series import Series, move_rim_in_series
     DISSIPATED,
     EFFECT_WORK,
     STATE_SIZE,
-) = range(53)
+) = range(54)
 """Places in the state array; the effects' memory follows. SHOWN_TORQUE is what the motor's drive believes in.
 
 The last three are the energy account, J: work of both drives, heat, work on effects.
@@ -212,10 +216,11 @@ def advance(
     motor_torque, shown_torque, load_torque = s[MOTOR_TORQUE], s[SHOWN_TORQUE], s[LOAD_TORQUE]
     torque_error = s[MOTOR_TORQUE_ERROR]
     T_F, last_T_F, T_w, fixture = s[T_F_NOW], s[T_F_BEFORE], s[T_W_NOW], s[FIXTURE_TORQUE]
+    elastic = T_w + damper_w
     motor_force, output_force = s[MOTOR_FORCE], s[OUTPUT_FORCE]
     motor_extra, output_extra = s[MOTOR_EFFECTS], s[OUTPUT_EFFECTS]
     series = Series(s[SERIES_TORSION], s[SERIES_TORQUE], s[SERIES_ANGLE], s[SERIES_STIFFNESS], s[SERIES_COMPLIANCE])
-    pull = s[PULL]
+    gap, pull = s[COUPLING_ANGLE], s[PULL]
     wait, motor_command, load_command = s[LOOP_WAIT], s[MOTOR_COMMAND], s[LOAD_COMMAND]
     motor_integral, load_integral = s[MOTOR_INTEGRAL], s[LOAD_INTEGRAL]
     work, dissipated, effect_work = s[WORK], s[DISSIPATED], s[EFFECT_WORK]
@@ -265,7 +270,7 @@ def advance(
         error, slope, open_error, open_slope = torsion_effects(now, 0.0, 0.0, h, s, effect_parameters)
         open_change = open_error - last_open
         base, base_rate = theta_o - error, next_o - (slope - open_slope) * next_m
-        if SERIES:
+        if SERIES or COUPLED:
             last_series = series
             slip, rim_rate, T_F, T_w, series = move_rim_in_series(
                 slip, series, rim, base, base_rate, theta_m, next_m, level, now, s, effect_parameters, c
@@ -307,6 +312,11 @@ def advance(
         last_F, last_w, last_damper_m, last_damper_o, last_l = damper_F, damper_w, damper_m, damper_o, damper_l
         damper_F = c.flexspline_damping * (base_rate - rim_rate)
         damper_w = c.wave_generator_damping * (next_m + c.ratio * rim_rate)
+        if COUPLED:
+            last_elastic, last_gap = elastic, gap
+            elastic = T_w + damper_w
+            gap = coupling_angle(elastic, effect_parameters, c)
+            effect_work += 0.5 * (elastic + last_elastic) * (gap - last_gap)
         damper_m = c.rotor_viscous_friction * next_m
         damper_o = c.output_viscous_friction * next_o
         damper_l = locked * c.fixture_damping * next_o
@@ -331,7 +341,8 @@ def advance(
     s[FLEXSPLINE_DAMPER], s[WAVE_GENERATOR_DAMPER] = damper_F, damper_w
     s[MOTOR_DAMPER], s[OUTPUT_DAMPER], s[FIXTURE_DAMPER] = damper_m, damper_o, damper_l
     s[SERIES_TORSION], s[SERIES_TORQUE], s[SERIES_ANGLE] = series.torsion, series.torque, series.angle
-    s[SERIES_STIFFNESS], s[SERIES_COMPLIANCE], s[PULL] = series.stiffness, series.compliance, pull
+    s[SERIES_STIFFNESS], s[SERIES_COMPLIANCE] = series.stiffness, series.compliance
+    s[COUPLING_ANGLE], s[PULL] = gap, pull
     s[MOTOR_TORQUE], s[SHOWN_TORQUE], s[LOAD_TORQUE] = motor_torque, shown_torque, load_torque
     s[T_F_NOW], s[T_F_BEFORE], s[T_W_NOW], s[FIXTURE_TORQUE] = T_F, last_T_F, T_w, fixture
     s[OUTPUT_TORQUE] = load_torque + fixture
@@ -381,8 +392,11 @@ def start(
     angle = series_effects(now, 0.0, 0.0, h, s, effect_parameters)
     keep_series(s)
     s[ERROR], s[ERROR_OPEN], s[SERIES_ANGLE] = error, open_error, angle
-    s[OUTPUT_POSITION] = error + angle
-    now = signals_at(0.0, 0.0, 0.0, 0.0, 0.0, error + angle, 0.0, inputs[LOCKED], s, c)
+    if COUPLED:
+        s[RIM] = coupling_effects(0.0, effect_parameters)
+        s[COUPLING_ANGLE] = coupling_angle(0.0, effect_parameters, c)
+    s[OUTPUT_POSITION] = s[RIM] + error + angle
+    now = signals_at(0.0, 0.0, 0.0, 0.0, 0.0, s[OUTPUT_POSITION], 0.0, inputs[LOCKED], s, c)
     friction_level(now, 0.0, 0.0, s, effect_parameters, c)
     s[MOTOR_EFFECTS] = motor_effects(now, 0.0, 0.0, h, s, effect_parameters)
     s[OUTPUT_EFFECTS] = output_effects(now, 0.0, 0.0, h, s, effect_parameters)

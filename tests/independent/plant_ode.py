@@ -3,7 +3,8 @@
     J_m dw_m/dt = M(t) + T_w + T_F e'(theta_m)
     J_o dw_o/dt = L(t) - T_F - m g r sin(theta_o + phi) - B_o w_o
     T_F = tan(C_F K_F0 x)/C_F + c_F d(theta_o - y - e)/dt,   theta_o - y - e = x + kappa z / K_F0
-    T_w = g^-1(-theta_m - N y) - c_w (w_m + N v),   g^-1(s) = -sgn(s) log(1 - C_w K_w0 |s|)/C_w
+    T_w = g^-1(s) - c_w (w_m + N v),   g^-1(s) = -sgn(s) log(1 - C_w K_w0 |s|)/C_w
+    -theta_m - N y = s + b clip(g^-1(s) / M_b, -1, 1)                (b: half a gap at the motor, closed by M_b)
     tau dz/dt = T_spring - z                        (creep)
     T_F + N T_w = N^2 b v                           (massless rim y without dry friction, v = dy/dt)
 
@@ -18,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 Floats = NDArray[np.float64]
 
@@ -27,7 +29,8 @@ SCALES = np.array([1e-2, 1.0, 1e-4, 1e-2, 1e-4, 1e-1])
 
 @dataclass(frozen=True, slots=True)
 class MovingBench:
-    """Parameters as in the equations: SI; e = error * sin(order * theta_m + phase); the dampings are c_F and c_w."""
+    """Parameters as in the equations: SI; e = error * sin(order * theta_m + phase); the dampings are c_F and c_w,
+    gap b and contact M_b."""
 
     ratio: float
     K_F0: float
@@ -47,6 +50,8 @@ class MovingBench:
     weight_phase: float = 0.0
     creep: float = 0.0
     creep_time: float = 1.0
+    gap: float = 0.0
+    contact: float = 1.0
 
 
 def trajectory(
@@ -92,7 +97,7 @@ def _torques(bench: MovingBench, state: list[float]) -> tuple[float, float, floa
     angle = bench.order * theta_m + bench.phase
     error, error_rate = bench.error * math.sin(angle), bench.error * bench.order * math.cos(angle) * w_m
     x = theta_o - y - error - bench.creep * z / bench.K_F0
-    s = -theta_m - N * y
+    s = _own_windup(bench, -theta_m - N * y)
     if not bench.C_w * bench.K_w0 * abs(s) < 0.9:
         raise ArithmeticError("the wave generator is wound up so far that its law ends")
     spring = math.tan(bench.C_F * bench.K_F0 * x) / bench.C_F
@@ -105,6 +110,20 @@ def _torques(bench: MovingBench, state: list[float]) -> tuple[float, float, floa
     v = pull / (N**2 * bench.b + bench.flexspline_damping + N**2 * bench.wave_generator_damping)
     T_F = spring + bench.flexspline_damping * (w_o - error_rate - v)
     return spring, T_F, wave_generator - bench.wave_generator_damping * (w_m + N * v), v
+
+
+def _own_windup(bench: MovingBench, windup: float) -> float:
+    """Give the part of the windup (rad) that the wave generator's spring takes; inside the gap by Brent's method."""
+    size = abs(windup)
+    closed = -math.expm1(-bench.C_w * bench.contact) / (bench.C_w * bench.K_w0)
+    if bench.gap == 0.0 or size >= closed + bench.gap:
+        return math.copysign(size - bench.gap, windup)
+
+    def missing(own: float) -> float:
+        torque = -math.log1p(-bench.C_w * bench.K_w0 * own) / bench.C_w
+        return own + bench.gap * torque / bench.contact - size
+
+    return math.copysign(float(brentq(missing, 0.0, closed, xtol=1e-16, rtol=1e-14)), windup)
 
 
 def torsional_mode(bench: MovingBench) -> complex:

@@ -26,6 +26,7 @@ SILENT = dataclasses.replace(
 )
 KINEMATIC_ERROR = ActiveEffect(CATALOGUE["kinematic-error"], (1e-4, 2.0, 0.3))
 COGGING = ActiveEffect(CATALOGUE["cogging"], (3e-3, 84.0, 0.1))
+BACKLASH = ActiveEffect(CATALOGUE["backlash"], (1e-3, 1e-3, 100.0))
 GRAVITY = ActiveEffect(CATALOGUE["gravity-load"], (0.5, 0.2))
 
 
@@ -269,6 +270,49 @@ def test_a_spring_whose_stiffness_turns_with_the_motor_reacts_on_it():
     # the torque on the motor is the derivative of the coenergy 0.5 * 2e-5 * T^2 * sin(3 theta)
     expected = -0.5 * 2e-5 * 3.0 * 10.0**2 * np.cos(3.0 * rows.motor_position)
     assert rms(ripple - expected) < 0.03 * rms(expected)
+
+
+def sweep_with_a_gap(torque: float, bias: float) -> tuple[np.recarray, np.ndarray]:
+    """A slow locked sweep by +-torque about bias (N*m at the motor): signals, and torsion less the base laws, rad."""
+    plant = Plant(SILENT, (BACKLASH,))
+    plant.set_lock(True)
+    swing = triangle(torque, 40.0)
+    rows = follow(plant, 50.0, motor=lambda t: bias * min(t, 1.0) + swing(t))[2000:]
+    torsion = rows.output_position + rows.motor_position / 100.0
+    model = flexspline_torsion(rows.output_torque, DRIVE.K_F0, DRIVE.C_F)
+    model += wave_generator_torsion(rows.motor_torque, DRIVE.K_w0, DRIVE.C_w) / 100.0
+    return rows, torsion - model
+
+
+def test_a_gap_in_the_coupling_is_crossed_with_the_sign_of_the_torque():
+    rows, added = sweep_with_a_gap(0.1, 0.0)
+    closed = np.abs(rows.motor_torque) > 2e-3
+    inside = np.abs(rows.motor_torque) < 1e-3
+    assert np.count_nonzero(inside) > 100
+    expected = 1e-3 / 100.0 * np.clip(rows.motor_torque / 1e-3, -1.0, 1.0)
+    # the base laws themselves hold within half a microradian, and within the gap the shaft is on its way
+    assert rms((added - expected)[closed]) < 1e-7
+    assert rms((added - expected)[inside]) < 1e-6
+
+
+def test_a_bias_torque_keeps_the_gap_in_the_coupling_closed():
+    rows, added = sweep_with_a_gap(0.05, 0.06)
+    assert np.min(rows.motor_torque) > 5e-3
+    assert np.max(np.abs(added - 1e-3 / 100.0)) < 5e-7
+
+
+def test_an_angle_in_the_coupling_without_torque_is_there_from_the_start():
+    def offset(motor_torque, amplitude):
+        return amplitude * (1.0 + motor_torque)
+
+    effect = dataclasses.replace(
+        CATALOGUE["backlash"], function=offset, parameters=CATALOGUE["backlash"].parameters[:1]
+    )
+    plant = Plant(SILENT, (ActiveEffect(effect, (1e-3,)),))
+    assert plant.truth().output_position == 1e-3
+    plant.advance_to(0.1)
+    assert plant.truth().output_position == 1e-3
+    assert abs(plant.truth().motor_position) < 1e-15
 
 
 def test_a_gap_at_the_motor_is_lost_motion_of_its_width_after_a_reversal():

@@ -99,6 +99,80 @@ def test_trajectories_agree_with_an_independent_integration_to_1e_4_and_converge
         assert 3.5 < middle / fine < 5.0, name
 
 
+GAP = MovingBench(
+    ratio=DRIVE.ratio,
+    K_F0=DRIVE.K_F0,
+    C_F=DRIVE.C_F,
+    K_w0=DRIVE.K_w0,
+    C_w=DRIVE.C_w,
+    b=DRIVE.viscous_friction,
+    J_m=CONFIG.motor_inertia,
+    J_o=CONFIG.output_inertia,
+    B_o=SLIDING.output_viscous_friction,
+    flexspline_damping=CONFIG.flexspline_damping,
+    wave_generator_damping=2e-4,
+    gap=3e-3,
+    contact=1e-3,
+)
+STROKES = tuple((0.05 if k % 2 == 0 else -0.05, 0.01 * k) for k in range(15))
+"""Torques of the motor (N*m), each from its time (s) on."""
+
+
+def test_strokes_through_a_gap_agree_with_an_independent_integration_and_converge_with_the_step_squared():
+    lag = SLIDING.current_loop_time
+
+    def motor_torque(t: float) -> float:
+        value = 0.0
+        for (target, begin), (_, end) in itertools.pairwise([*STROKES, (0.0, math.inf)]):
+            if t >= begin:
+                value = target + (value - target) * math.exp(-(min(t, end) - begin) / lag)
+        return value
+
+    def run(step: float) -> np.recarray:
+        config = dataclasses.replace(SLIDING, step=step, wave_generator_damping=GAP.wave_generator_damping)
+        plant = Plant(config, [ActiveEffect(CATALOGUE["backlash"], (GAP.gap, GAP.contact, GAP.ratio))])
+        rows = [plant.truth()]
+        for target, _ in STROKES:
+            plant.command("motor", AxisMode.TORQUE, target)
+            rows += follow(plant, 0.01)
+        return table(rows)
+
+    expected = trajectory(GAP, np.arange(10 * len(STROKES) + 1) * 1e-3, motor_torque, lambda t: 0.0)
+    assert np.count_nonzero(np.diff(np.sign(expected["wave_generator_torque"][1:]))) > 10
+    errors = [worst(run(step), expected) for step in (2e-5, 1e-5, 5e-6)]
+    for name in expected:
+        coarse, middle, fine = (error[name] for error in errors)
+        assert coarse < 1e-3, name
+        # second order: 4, with some spread, as the moments at which the gap closes lie within a step
+        assert 3.0 < coarse / middle < 5.0, name
+        assert 3.0 < middle / fine < 5.0, name
+
+
+def test_a_gap_keeps_the_energy_that_closes_it_and_no_more():
+    """The rotor swings through it against the locked output: half of amplitude times contact at both ends."""
+    drive = dataclasses.replace(DRIVE, friction_torque=0.0, viscous_friction=0.0)
+    kept = []
+    for step in (2e-5, 1.25e-6):
+        config = dataclasses.replace(
+            CONFIG, drive=drive, step=step, wave_generator_damping=0.0, flexspline_damping=0.0, fixture_damping=0.0
+        )
+        plant = Plant(config, [ActiveEffect(CATALOGUE["backlash"], (1e-3, 1e-3, 100.0))])
+        plant.set_lock(True)
+        plant.command("motor", AxisMode.TORQUE, 0.03)
+        plant.advance_to(0.06)
+        plant.command("motor", AxisMode.TORQUE, 0.0)
+        rows = table(follow(plant, 0.3))
+        assert np.count_nonzero(np.diff(np.sign(rows.wave_generator_torque))) > 10
+        assert np.all(rows.heat == 0.0)
+        balance = rows.work - rows.stored - rows.effect_work
+        assert np.max(np.abs(balance)) < 1e-6 * rows.work[0]
+        closed = rows[np.abs(rows.wave_generator_torque) > 1e-3]
+        kept.append(np.max(np.abs(closed.effect_work / (0.5 * 1e-3 * 1e-3) - 1.0)))
+    # the moment at which the gap closes lies within a step: first order at worst
+    assert kept[0] < 5e-3
+    assert kept[1] < 0.3 * kept[0]
+
+
 # ---- the torsional mode: Castejon, Garcia-Prada & Lara 2009, table 1
 
 

@@ -1,0 +1,61 @@
+"""The wave generator where effects lie in series with it: gaps and springs between the motor shaft and the rim.
+
+    windup = x + gap(T),  T = g^-1(x),  gap(T) = -ratio * sum e(motor_torque = -T)        x: its own windup, rad
+
+All at the motor; -T is the torque that presses on the gap from the motor's side. Both terms rise with x, so that Newton
+steps inside a bracket find the one solution; without curvature in g the second step would be exact for a gap. The
+damper of the wave generator lies across the whole windup. Effects that add nothing change nothing, to the last bit.
+Scalar code for the compiled kernel.
+"""
+
+import math
+
+from sim_backend.model.constants import Constants
+from sim_backend.model.effect_sums import COUPLED, Array, coupling_effects
+from sim_backend.model.springs import wave_generator_torque
+
+COUPLING_ACCURACY = 1e-12
+"""N*m at the motor: the accuracy to which the rim's law is solved, 1e-10 N*m at the output, at a ratio of 100."""
+
+COUPLING_TRIALS = 60
+
+PROBE = 1e-7
+"""N*m at the motor, to both sides: difference by which the yielding of the effects is taken."""
+
+
+def coupling_angle(torque: float, effect_parameters: Array, c: Constants) -> float:
+    """Give the angle of what lies in series with the wave generator, rad at the motor, for the torque in it (N*m)."""
+    return -c.ratio * coupling_effects(-torque, effect_parameters)
+
+
+def coupled_torque(windup: float, effect_parameters: Array, c: Constants) -> tuple[float, float]:
+    """Give (torque N*m, stiffness N*m/rad) of the wave generator and what lies in series with it for their windup."""
+    if not COUPLED:
+        return wave_generator_torque(windup, c)
+    low, high = -math.inf, math.inf
+    T = stiffness = 0.0
+    own = windup / (1.0 + c.K_w0 * _yielding(0.0, effect_parameters, c))
+    for _ in range(COUPLING_TRIALS):
+        T, K = wave_generator_torque(own, c)
+        stiffness = K / (1.0 + K * _yielding(T, effect_parameters, c))
+        residual = own + coupling_angle(T, effect_parameters, c) - windup
+        if abs(residual) * stiffness <= COUPLING_ACCURACY:
+            break
+        if residual > 0.0:
+            high = own
+        else:
+            low = own
+        following = own - residual * stiffness / K
+        if not low < following < high:
+            following = 0.5 * (low + high)
+        if following == own:
+            break
+        own = following
+    return T, stiffness
+
+
+def _yielding(torque: float, effect_parameters: Array, c: Constants) -> float:
+    """Give by how much the effects yield at a torque in the wave generator, rad/(N*m) at the motor."""
+    above = coupling_angle(torque + PROBE, effect_parameters, c)
+    below = coupling_angle(torque - PROBE, effect_parameters, c)
+    return max((above - below) / (2.0 * PROBE), 0.0)
