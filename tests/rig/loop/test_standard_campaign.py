@@ -1,0 +1,44 @@
+"""What docs/effects.md says a campaign establishes, and what the loop answers on it."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.rig.loop.standard import establish, hidden_effects
+
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "effects.md"
+SEED = 8
+IN_CI = ("soft-windup", "maxwell-slip", "rate-dependent-hysteresis", "stribeck-friction", "torque-ripple")
+"""One of every kind: a spring, a play, a play with a lag, a friction, a product. The whole table takes half an hour."""
+
+WIDE = 3.0
+"""Half widths of its 95 % interval by which a parameter may be off: one seed of five effects with up to three each."""
+
+
+def answers() -> dict[str, str]:
+    section = PAGE.read_text("utf-8").partition("## What a campaign establishes")[2]
+    return dict(re.findall(r"^\| ([a-z-]+) \| ([a-z, ]+) \|", section, flags=re.M))
+
+
+def test_the_page_has_an_answer_for_every_effect():
+    told = answers()
+    assert set(told) - {"effect"} == set(hidden_effects())
+    known = {"named", "named, and more", "ambiguous, and more", "absorbed", "untraced", "wrong", "not tried", "answer"}
+    assert set(told.values()) <= known
+
+
+@pytest.mark.timeout(400)
+@pytest.mark.parametrize("effect", IN_CI)
+def test_an_effect_is_found_as_the_page_says(effect: str):
+    outcome = establish(effect, SEED)
+    assert outcome.answer == answers()[effect], outcome.result.effects
+    assert outcome.off
+    for name, half_widths in outcome.off.items():
+        assert abs(half_widths) < WIDE, (name, half_widths)
+    (equation,) = (step.equation for step in outcome.result.steps)
+    held_out = outcome.result.equations[equation].held_out
+    assert held_out is not None
+    assert held_out.floor_ci95 is not None
+    # the floor's interval, and what single outliers of the full-rate logs add to it
+    assert held_out.rms_after < 1.5 * held_out.floor_ci95[1] < held_out.rms_before
