@@ -13,7 +13,7 @@ from rig.config.bench import SIMULATED, BenchFile, Device, Lock
 from rig.config.dut import Dut, Rotation, default_dut
 from rig.loop.frames import turned, turned_shape
 from rig.loop.model_file import Model, ModelEffect
-from rig.loop.shapes import ShapeTerm
+from rig.loop.shapes import ShapeTerm, named_effect
 from rig.loop.terms import Entry, Line, TermClass, is_line, periodic_effects
 from rig.operator import Answered
 from sim_backend.errors import ModelError
@@ -225,7 +225,9 @@ def effects_of_model(model: Model, assumed: list[str]) -> tuple[ActiveEffect, ..
     active: list[ActiveEffect] = []
     for fitted in model.effects:
         alike = (k.effect for k in periodic_effects() if (k.variable, k.enters) == (fitted.variable, fitted.enters))
-        effect = CATALOGUE.get(fitted.effect) or CATALOGUE.get(next(alike, None) or "" if fitted.lines else "")
+        effect = named_effect(fitted.effect, fitted.parameters.keys())
+        if fitted.lines and (effect is None or not is_line(effect)):
+            effect = CATALOGUE.get(next(alike, None) or "")
         if effect is None:
             assumed.append(f"'{fitted.effect}' is left out: the simulated bench has no such effect")
             continue

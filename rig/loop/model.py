@@ -549,6 +549,11 @@ def _motor(piece: Piece, model: Model) -> Evaluation:
         if model.ratio is not None and not current:
             running = running + T / model.ratio
             load_route = Route(-ones / model.ratio)
+    else:
+        # held from angle to angle, the shaft was last moved in this direction
+        level = added.friction(signals)
+        running = running if level is None else track.direction * level
+        friction = Route(track.direction)
     signals["motor_torque"] = running
     value = running + added.motor(signals) + model.value(constant)
     if piece.law is Law.FREE_RUN and track.ripple is not None and not current and np.any(track.ripple.position):

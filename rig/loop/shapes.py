@@ -10,7 +10,7 @@ that the run recorded or the model predicts. Where it acts decides how the addit
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -130,6 +130,15 @@ def catalogue_shapes() -> tuple[Effect, ...]:
         for effect in CATALOGUE.values()
         if effect.enters is not Enters.BASE and effect.shape is not Shape.EVENT and not is_line(effect)
     )
+
+
+def named_effect(name: str, parameters: Set[str]) -> Effect | None:
+    """Give the effect that an id of a result stands for; of an ambiguous set the one that has these parameters."""
+    members = name.removeprefix("ambiguous:").split("|")
+    known = [CATALOGUE[member] for member in members if member in CATALOGUE]
+    if len(members) == 1:
+        return known[0] if known else None
+    return next((effect for effect in known if {p.name for p in effect.parameters} == parameters), None)
 
 
 def place_of(effect: Effect) -> Place:

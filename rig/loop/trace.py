@@ -29,12 +29,11 @@ from rig.loop.parameters import parameter_table
 from rig.loop.report_steps import model_of, steps_of
 from rig.loop.result import EquationResult, Errors, LoopResult, View
 from rig.loop.select import NOT_EVERYWHERE, Selection, Unadded, select
-from rig.loop.shapes import ShapeTerm
+from rig.loop.shapes import ShapeTerm, named_effect
 from rig.loop.starts import FACTOR, scaled_to_data
 from rig.loop.terms import Entry, Line, TermClass
 from rig.loop.tracks import Track, make_track, thin_track
 from rig.provenance import software_version
-from sim_backend.model.effects import CATALOGUE
 
 SAME_SPEED = 1.05
 """Ratio below which two legs have the same speed."""
@@ -167,7 +166,7 @@ def shapes_of(model: ModelFile, dut: Dut) -> tuple[ShapeTerm, ...]:
     for item in model.effects:
         if item.lines:
             continue
-        effect = CATALOGUE.get(item.effect)
+        effect = named_effect(item.effect, item.parameters.keys())
         missing = [] if effect is None else [p.name for p in effect.parameters if p.name not in item.parameters]
         if effect is None or missing:
             raise DataError(

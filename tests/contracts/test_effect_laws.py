@@ -338,7 +338,9 @@ def test_over_closed_cycles_it_takes_energy_as_its_class_says(effect: Effect):
             taken, gross = work(effect, path(name, time, PERIOD, mirrored), PERIOD / SAMPLES)
             assert gross > 0.0
             shares.append(taken / gross)
-    negligible = NEGLIGIBLE_WITH_A_GAP if effect.memory else NEGLIGIBLE
+    # the corners of a play and of a gap fall between samples
+    cornered = effect.memory or effect.signals == ("motor_torque",)
+    negligible = NEGLIGIBLE_WITH_A_GAP if cornered else NEGLIGIBLE
     if effect.energy is Energy.CONSERVATIVE:
         assert np.max(np.abs(shares)) < negligible, shares
     elif effect.energy is Energy.DISSIPATIVE:
