@@ -31,6 +31,9 @@ LEAST_SLOPE = 3e-3
 SURE = 1e-4
 """False-alarm probability of a single test below which such a statement is made."""
 
+SURE_OF_MANY = 1e-7
+"""The same for the best of all shapes at all points of their grids, some hundreds of tests."""
+
 ABOVE_FLOOR = 1.5
 """Times the upper end of the floor's interval beyond which what is left is no longer noise."""
 
@@ -116,7 +119,7 @@ def _shapes(selection: Selection) -> list[Open]:
         trial
         for trial in selection.left
         if trial.label not in QUOTIENT
-        and trial.single_p < 1e-4
+        and trial.single_p < SURE_OF_MANY
         and trial.share >= LEAST_SHAPE_SHARE
         and trial.improved >= LEAST_IMPROVED
         and trial.pays > 0.0
