@@ -59,6 +59,9 @@ LEAST_START_ANGLES = 4
 
 NOT_EVERYWHERE = "it does not show under every condition that should show it"
 
+MOST_MODULATIONS = 6.0
+"""Cycles of the stiffness per motor turn that are looked for."""
+
 SUBDIVISION = "encoder-subdivision-error"
 LEAST_LINES = 16
 """Lines a turn that an encoder has at least."""
@@ -549,6 +552,8 @@ def _classes(
         and kind.effect != SUBDIVISION
         # twice a turn an encoder errs tens of times less than a strain wave gear
         and not (kind.entry is Entry.MOTOR_ANGLE and order > 1.5)
+        # mesh zone and ellipse turn with the plug; a faster product imitates anything within a sweep
+        and not (kind.entry is Entry.TORSION_TIMES_TORQUE and order > MOST_MODULATIONS)
     ]
     if against:
         entry = Entry.MOTOR_AGAINST_MOTION if motor else Entry.OUTPUT_AGAINST_MOTION

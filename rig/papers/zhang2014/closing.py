@@ -98,12 +98,11 @@ def _said(result: LoopResult) -> str:
 
 
 def _parameters(result: LoopResult, amplitude: float) -> list[Row]:
-    """Give every parameter that was found, beside what was hidden in the bench; what else was added is not there."""
+    """Give what was found of the kinematic error, beside what was hidden in the bench."""
     hidden = {"amplitude": amplitude, "order": ORDER, "phase": 0.0}
     rows = []
-    for step in result.steps:
-        true = hidden if step.effect == "kinematic-error" else {"amplitude": 0.0}
-        for name, value in true.items():
+    for step in (step for step in result.steps if step.effect == "kinematic-error"):
+        for name, value in hidden.items():
             found = step.parameters[name]
             interval = "" if found.ci95 is None else f", 95 % interval {found.ci95[0]:.3g} to {found.ci95[1]:.3g}"
             note = f"hidden in the bench: {value:.4g}{interval}"
