@@ -1,4 +1,4 @@
-"""The model of one piece: base law and lines together, and how a further term would act on it.
+"""The model of one piece: base law, lines and shapes together, and how a further term would act on it.
 
     torsion        f(T - c_T) + g(M - c_M)/N + e                                               (28)
                    + J_l (k w)^2 e (f' + g'/N^2) when turning, for a line e of order k: the output's inertia
@@ -11,7 +11,8 @@
     held still     M = M_0 + c_M
     motion at the output without motor torque  T = sgn(w) T_co + b_o w + J_o a + c_T + T_0  (a: acceleration)
 
-c_T and c_M are what the terms add to the output and the motor balance, e what they add to the torsion. No regressor
+c_T and c_M are what the terms add to the output and the motor balance, e what they add to the torsion. What they add
+to the level of the friction goes with T_fs, T_fb and T_c, also in the windup of a turning run. No regressor
 contains the channel it predicts: where the angle is the target itself (torsion of a run that does not turn), the
 angle that the model predicts stands in for the measured one; in the locked output torque the play's output stands
 in for the measured torque. In a turning run detent torque, inertia and the friction T_cr, b_r of the rotor itself
@@ -28,7 +29,7 @@ from rig.log.run import ProcedureName
 from rig.loop.equations import Equation, Law, Piece
 from rig.loop.parameters import ParameterTable
 from rig.loop.play import play_path
-from rig.loop.shapes import Place, ShapeTerm, addition, derivatives, place_of, reaction, reaction_derivatives
+from rig.loop.shapes import Place, ShapeTerm, addition, derivatives, place_of
 from rig.loop.terms import Entry, Line, LineValues, TermClass, line_values
 from rig.loop.tracks import Track
 from sim_backend.model.compliance import (
@@ -47,8 +48,8 @@ Rows = NDArray[np.intp]
 ANGLE_PASSES = 2
 """Rounds in which the predicted angle takes up what the lines add; an error of 1e-4 rad is then known to 1e-8."""
 
-
 ANGLES = ("motor_position", "output_position")
+"""Signals that a line may follow."""
 
 FLEXSPLINE_TORQUE = "flexspline_torque"
 """Name of the torque by which an angle error acts on the motor, beside the signals of the contract."""
@@ -58,7 +59,6 @@ LEAST_LOAD = 0.05
 
 LEAST_LEVEL = 1e-3
 """Share of the base level of friction that is left whatever is taken from it."""
-
 
 LEVEL_PASSES = 3
 """Rounds in which the torque that gets through takes up a friction that grows with it."""
@@ -158,14 +158,13 @@ class Evaluation:
         added = derivatives(term, self.signals, step)
         if added is None:
             return None
-        backs = [None] * len(added) if self.motor is None else reaction_derivatives(term, self.signals, step)
-        return [self.shown(term.effect, value, back, rows) for value, back in zip(added, backs, strict=True)]
+        return [self.shown(term.effect, value, rows) for value in added]
 
     def shows(self, effect: Effect) -> bool:
         """Whether the effect can change the prediction."""
         match place_of(effect):
             case Place.ANGLE:
-                return self.angle or (effect.slope is not None and self.motor is not None)
+                return self.angle
             case Place.MOTOR:
                 return self.motor is not None
             case Place.LOAD:
@@ -173,15 +172,10 @@ class Evaluation:
             case Place.FRICTION:
                 return self.friction is not None
 
-    def shown(self, effect: Effect, added: Floats, back: Floats | None, rows: Rows) -> Floats:
-        """Give what an addition (n,) and its reaction on the motor do to the prediction at the samples `rows`."""
+    def shown(self, effect: Effect, added: Floats, rows: Rows) -> Floats:
+        """Give what an addition (n,) of an effect that shows does to the prediction at the samples `rows`, (m,)."""
         route = {Place.MOTOR: self.motor, Place.LOAD: self.load, Place.FRICTION: self.friction}.get(place_of(effect))
-        if route is not None:
-            return _through(route, added, rows)
-        column = added[rows] / _gear_of(effect, self.ratio) if self.angle else np.zeros(rows.size)
-        if back is not None and self.motor is not None:
-            column = column - _through(self.motor, self.torque * back, rows)
-        return column
+        return added[rows] / _gear_of(effect, self.ratio) if route is None else _through(route, added, rows)
 
 
 def _gear_of(effect: Effect, ratio: float) -> float:
@@ -286,8 +280,6 @@ class _Added:
         torque = signals[FLEXSPLINE_TORQUE]
         parts = [motor_addition(entry, values.value, values.slope, torque, signals) for entry, values in self.lines]
         parts += [addition(term, signals, self.step) for term in self._at(Place.MOTOR)]
-        backs = [reaction(term, signals, self.step) for term in self._at(Place.ANGLE)]
-        parts += [-torque * back for back in backs if back is not None]
         return _sum(torque.size, parts)
 
     def friction(self, signals: Mapping[str, Floats]) -> Floats | None:

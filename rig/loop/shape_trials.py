@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.loop.normal import LinearPiece
-from rig.loop.shapes import ShapeTerm, addition, catalogue_shapes, reaction
+from rig.loop.shapes import ShapeTerm, addition, catalogue_shapes
 from rig.loop.trial import Ground, Trial, columns_gain, try_columns
 from sim_backend.model.effects import Effect
 
@@ -31,9 +31,6 @@ LAGS = (0.1, 0.4, 1.5, 6.0, 25.0, 100.0, 400.0)
 SMALL = 0.3
 """Size, relative to the typical one, at which an effect that is not linear in its amplitude is looked at first."""
 
-GAPS = (0.1, 0.3, 1.0, 3.0, 10.0)
-"""Sizes of such an effect relative to the typical one where it has a memory of its own."""
-
 FINEST_DAMPING = 0.02
 LOWEST_FREQUENCY = 0.3
 """Damping ratio with which a resonance is looked for, and from which frequency (Hz); neighbours overlap."""
@@ -43,6 +40,9 @@ REFINED = 0.5
 
 SWEEPS, STEPS = 2, 7
 """Rounds over the parameters, and golden sections in each."""
+
+NEXT_VALUE, NEXT_FREQUENCY = 1.3, 2.0 * FINEST_DAMPING
+"""Natural logarithm of the factor between neighbours of a grid."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,8 +111,7 @@ def _piece_columns(item: LinearPiece, term: ShapeTerm) -> Floats | None:
         added = addition(unit, evaluation.signals, step)
         if added is None:
             return None
-        back = None if evaluation.motor is None else reaction(unit, evaluation.signals, step)
-        columns.append(evaluation.shown(term.effect, added, back, item.piece.index) / size)
+        columns.append(evaluation.shown(term.effect, added, item.piece.index) / size)
     stacked = item.centred(np.column_stack(columns))
     return stacked if np.any(stacked) else None
 
@@ -149,14 +148,14 @@ def _starts(effect: Effect, scales: Scales) -> list[ShapeTerm]:
         if parameter.known:
             choices.append((scales.known.get(parameter.name, parameter.typical),))
         elif parameter.name in effect.amplitudes:
-            sizes = (1.0,) if effect.linear else GAPS if effect.memory and effect.slope else (SMALL,)
-            choices.append(tuple(size * (1.0 if effect.linear else parameter.typical) for size in sizes))
+            choices.append((1.0 if effect.linear else SMALL * parameter.typical,))
         else:
             choices.append(_values(parameter.name, parameter.unit, parameter.typical, scales))
     return [ShapeTerm(effect, values) for values in itertools.product(*choices)]
 
 
 def _values(name: str, unit: str, typical: float, scales: Scales) -> tuple[float, ...]:
+    """Give the values that are tried for a parameter which is no amplitude, in its unit."""
     match unit:
         case "N*m":
             return tuple(share * scales.torque for share in TORQUES) if scales.torque > 0.0 else ()
@@ -173,19 +172,16 @@ def _values(name: str, unit: str, typical: float, scales: Scales) -> tuple[float
 
 
 def _refined(ground: Ground, term: ShapeTerm) -> ShapeTerm:
-    """Maximise the gain over the parameters that are no amplitudes of a linear effect, one after the other."""
-    effect = term.effect
-    places = [k for k in term.free if not (effect.linear and effect.parameters[k].name in effect.amplitudes)]
-    if not effect.linear and effect.slope is None:
-        places = [k for k in places if effect.parameters[k].name not in effect.amplitudes]
-    for sweep in range(SWEEPS if len(places) > 1 else min(SWEEPS, len(places))):
-        for k in places:
-            reach = (0.04 if effect.parameters[k].unit == "Hz" else 1.3) / (1.0 + 2.0 * sweep)
-            term = _best_along(ground, term, k, reach)
+    """Maximise the gain over the parameters that are no amplitudes, one after the other."""
+    for sweep in range(SWEEPS):
+        for k in (k for k in term.free if term.is_logarithmic(k)):
+            reach = NEXT_FREQUENCY if term.effect.parameters[k].unit == "Hz" else NEXT_VALUE
+            term = _best_along(ground, term, k, reach / (1.0 + 2.0 * sweep))
     return term
 
 
 def _best_along(ground: Ground, term: ShapeTerm, k: int, reach: float) -> ShapeTerm:
+    """Maximise the gain over one parameter, within a factor exp(reach) either way, by golden section."""
     golden = 0.5 * (math.sqrt(5.0) - 1.0)
 
     def at(shift: float) -> tuple[float, ShapeTerm]:

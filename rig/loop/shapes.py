@@ -3,7 +3,8 @@
 One function serves the plant and the fit: what an effect adds is evaluated from its catalogue entry, over the signals
 that the run recorded or the model predicts. Where it acts decides how the addition reaches a prediction:
 
-    angle      the torsion (an angle's reading at the motor counts 1/N)
+    angle      the torsion (an angle's reading at the motor counts 1/N); what bends it with the motor's angle, and so
+               acts back on the motor, is a line
     motor      what the motor must overcome; a wrong reading of the motor torque acts alike
     load       what the output must overcome; a wrong reading of the output torque acts alike
     friction   level of the dry friction, seen at the motor
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 
 from rig.loop.equations import Equation
 from rig.loop.terms import is_line
-from sim_backend.model.arrays import evaluate, evaluate_slope
+from sim_backend.model.arrays import evaluate
 from sim_backend.model.effects import CATALOGUE, Effect, Enters, Shape
 
 Floats = NDArray[np.float64]
@@ -160,13 +161,6 @@ def addition(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> Flo
     return evaluate(term.effect, signals, term.values, step=step)
 
 
-def reaction(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> Floats | None:
-    """Give the torque by which a term in the torsion helps the motor, per N*m of output torque; None if it does not."""
-    if term.effect.slope is None or any(name not in signals for name in term.effect.signals):
-        return None
-    return evaluate_slope(term.effect, signals, term.values, step=step)
-
-
 def derivatives(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> list[Floats] | None:
     """Give the derivative of the addition by every free parameter, each (n,), in the scale of the fit."""
     if addition(term, signals, step) is None:
@@ -174,26 +168,9 @@ def derivatives(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> 
     found = []
     for k in term.free:
         parameter = term.effect.parameters[k]
-        size = max(abs(term.values[k]), 1e-2 * abs(parameter.typical))
-        width = DIFFERENCE * size
-        up, down = (_with(term, k, term.values[k] + sign * width) for sign in (1.0, -1.0))
-        difference = evaluate(up.effect, signals, up.values, step=step) - evaluate(
-            down.effect, signals, down.values, step=step
-        )
-        found.append(difference / (2.0 * width) * (term.values[k] if term.is_logarithmic(k) else 1.0))
-    return found
-
-
-def reaction_derivatives(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> list[Floats | None]:
-    """Give the derivative of the reaction by every free parameter, each (n,); None where there is no reaction."""
-    if reaction(term, signals, step) is None:
-        return [None] * len(term.free)
-    found: list[Floats | None] = []
-    for k in term.free:
-        parameter = term.effect.parameters[k]
         width = DIFFERENCE * max(abs(term.values[k]), 1e-2 * abs(parameter.typical))
         up, down = (_with(term, k, term.values[k] + sign * width) for sign in (1.0, -1.0))
-        difference = evaluate_slope(up.effect, signals, up.values, step=step) - evaluate_slope(
+        difference = evaluate(up.effect, signals, up.values, step=step) - evaluate(
             down.effect, signals, down.values, step=step
         )
         found.append(difference / (2.0 * width) * (term.values[k] if term.is_logarithmic(k) else 1.0))

@@ -44,6 +44,8 @@ def test_lines_and_shapes_together_are_all_effects_that_repeat():
     assert not lines & shapes
     left = {e.id for e in CATALOGUE.values() if e.enters is not Enters.BASE} - lines - shapes
     assert left == {e.id for e in CATALOGUE.values() if e.shape is Shape.EVENT}
+    # the fit lets lines alone act back on the motor
+    assert all(effect.slope is None for effect in catalogue_shapes())
 
 
 def test_the_demo_hides_what_every_bench_can_have():
