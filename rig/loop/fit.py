@@ -116,6 +116,11 @@ def fit_stably(pieces: Sequence[Piece], model: Model, noise: dict[Kind, Noise], 
     return state
 
 
+def refit(pieces: Sequence[Piece], like: Fit, model: Model) -> Fit:
+    """Fit the model with weights that follow from its own residual."""
+    return fit_stably(pieces, model, like.noise, like.block)
+
+
 def reweighted(state: Fit) -> Fit:
     """Give the same fit with the weights and blocks that its own residual calls for."""
     noise = noise_of(state.linear)

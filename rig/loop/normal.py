@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.loop.equations import Equation, Law, Piece
-from rig.loop.model import Evaluation, Model, predict
+from rig.loop.evaluation import Evaluation
+from rig.loop.model import Model, predict
 from rig.loop.terms import line_values
 
 Floats = NDArray[np.float64]

@@ -15,16 +15,16 @@ import numpy as np
 
 from rig.loop.aliases import aliases, beats, likeliest, samplings
 from rig.loop.equations import Equation, Piece
-from rig.loop.fit import Fit, fit, fit_stably, with_noise
-from rig.loop.intervals import covariance, quantile
-from rig.loop.lines import USUAL_HIGHEST_ORDER, Peak, Spectrum, peaks, refine, scan
-from rig.loop.model import Model
+from rig.loop.fit import Fit, refit, with_noise
+from rig.loop.lines import USUAL_HIGHEST_ORDER, refine
+from rig.loop.proposals import Proposal, propose, same_place
 from rig.loop.result import Candidate, Verdict
 from rig.loop.rivals import other_compliance
 from rig.loop.shape_trials import ShapeTrial, scales_of, shape_trials, trial_columns
 from rig.loop.shapes import ShapeClass
-from rig.loop.terms import Entry, Line, TermClass, periodic_effects
+from rig.loop.terms import Entry, Line, TermClass
 from rig.loop.trial import Ground, Trial, consistent, consistent_shape, line_gain, prepare, try_columns, try_line
+from rig.loop.withdraw import withdraw
 from sim_backend.model.effects import Enters
 
 LEAST_SHARE = 0.01
@@ -52,19 +52,10 @@ QUOTIENT = ("torque-constant-error", "torque-sensor-gain")
 NESTED: Mapping[str, tuple[str, ...]] = {"rate-dependent-hysteresis": ("creep", "maxwell-slip")}
 """A class that holds others as special cases: it is taken only if it explains more."""
 
-PEAKS_BY_HEIGHT = 3
-PEAKS_BY_POWER = 3
 LEAST_START_ANGLES = 4
 """Start angles without which a locked sweep cannot tell an angle error from a torque-shaped one."""
 
 NOT_EVERYWHERE = "it does not show under every condition that should show it"
-
-MOST_MODULATIONS = 6.0
-"""Cycles of the stiffness per motor turn that are looked for."""
-
-SUBDIVISION = "encoder-subdivision-error"
-LEAST_LINES = 16
-"""Lines a turn that an encoder has at least."""
 
 TWINS: dict[str, str] = {
     "kinematic-error": "motor-encoder-eccentricity",
@@ -118,19 +109,11 @@ class Selection:
 
 
 @dataclass(frozen=True, slots=True)
-class _Proposal:
-    kind: TermClass
-    order: float
-    resolution: float
-    height: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
 class _Candidate:
     """A proposal with its order refined, how it fares, and among how many tests it was found."""
 
     trial: Trial
-    proposal: _Proposal
+    proposal: Proposal
     tests: float
 
     @property
@@ -169,15 +152,10 @@ def select(pieces: Sequence[Piece], base: Fit, alpha: float, known: Mapping[str,
         decision, current = accepted
         if all(decision.kind != earlier.kind for earlier in decisions):
             decisions.append(decision)
-    current = _withdraw(pieces, current, alpha)
+    current = withdraw(pieces, current, alpha)
     kept: set[TermClass | ShapeClass] = {line.kind for line in current.model.lines}
     kept |= {term.kind for term in current.model.shapes}
     return Selection(current, tuple(d for d in decisions if d.kind in kept), tuple(unadded.values()), left)
-
-
-def refit(pieces: Sequence[Piece], like: Fit, model: Model) -> Fit:
-    """Fit the model with weights that follow from its own residual."""
-    return fit_stably(pieces, model, like.noise, like.block)
 
 
 def _round(
@@ -290,7 +268,7 @@ def _best_of_classes(lines: Sequence[_Candidate]) -> list[Trial]:
 
 def _candidates(ground: Ground, known: Mapping[str, float]) -> list[_Candidate]:
     """Give everything that the residual proposes, its order refined, best first."""
-    proposals, free_tests, fixed_tests = _propose(ground, known)
+    proposals, free_tests, fixed_tests = propose(ground, known)
     scored = sorted(((line_gain(ground, p.kind, p.order), p) for p in proposals), key=lambda pair: -pair[0])
     found: list[_Candidate] = []
     for rank, (gain, proposal) in enumerate(scored):
@@ -406,7 +384,7 @@ def _crowded(joint: Fit, resolution: float) -> bool:
     return any(line.kind == last.kind and abs(line.order - last.order) < 0.5 * resolution for line in others)
 
 
-def _already_there(ground: Ground, proposal: _Proposal) -> bool:
+def _already_there(ground: Ground, proposal: Proposal) -> bool:
     return any(
         line.kind == proposal.kind and abs(line.order - proposal.order) < 0.3 * proposal.resolution
         for line in ground.fit.model.lines
@@ -417,7 +395,9 @@ def _named(
     ground: Ground, best: _Candidate, candidates: Sequence[_Candidate], shapes: Sequence[ShapeTrial]
 ) -> tuple[Decision, _Candidate] | None:
     """Choose the class and the verdict for the best line; None if another shape explains it better."""
-    others = [c for c in candidates if c is not best and _same_place(ground, c.proposal, best.proposal)]
+    others = [
+        c for c in candidates if c is not best and same_place(ground.fit.model.ratio or 1.0, c.proposal, best.proposal)
+    ]
     peers = [best, *others]
     most = max(peer.trial.gain for peer in peers)
     named = [c for c in peers if c.proposal.kind.effect is not None and c.trial.gain >= BEST_SHARE * most]
@@ -447,15 +427,7 @@ def _named(
     return Decision(kind, verdict, members, ordered, best.p_value), pick
 
 
-def _same_place(ground: Ground, one: _Proposal, other: _Proposal) -> bool:
-    """Whether two proposals are about the same line, be it of the motor or of the output angle."""
-    ratio = ground.fit.model.ratio or 1.0
-    a, b = ((p.order * (1.0 if p.kind.variable == "motor_position" else 1.0 / ratio)) for p in (one, other))
-    width = max(p.resolution * (1.0 if p.kind.variable == "motor_position" else 1.0 / ratio) for p in (one, other))
-    return abs(a - b) <= 1.5 * width
-
-
-def _against_motion(ground: Ground, pick: Trial, chosen: _Proposal) -> set[str]:
+def _against_motion(ground: Ground, pick: Trial, chosen: Proposal) -> set[str]:
     """Friction that varies with the angle joins the set where the data do not show both directions."""
     if chosen.kind.entry not in (Entry.MOTOR, Entry.OUTPUT) or chosen.kind.effect is None:
         return set()
@@ -479,158 +451,3 @@ def _angles_cover(ground: Ground) -> bool:
             return True
         starts.add(round(float(angle.mean()) % (2.0 * math.pi) / 0.1))
     return len(starts) >= LEAST_START_ANGLES
-
-
-def _propose(ground: Ground, known: Mapping[str, float]) -> tuple[list[_Proposal], float, float]:
-    """Scan every kind of piece and give the classes to try at each peak, and the tests among free and fixed orders.
-
-    Kinds are scanned apart: a few start angles of a sweep would otherwise hide a line that a turning run shows clearly.
-    Either sort of order has half of the false alarms: a class without a free order need not pay for the search.
-    """
-    found: list[_Proposal] = []
-    tests = 0.0
-    linear = ground.fit.linear
-    ratio = ground.fit.model.ratio
-    effects = periodic_effects()
-    counts = known.get("output_encoder_counts")
-    for kind in dict.fromkeys(item.piece.kind for item in linear):
-        equation = kind[0]
-        items = [item for item in linear if item.piece.kind == kind]
-        has_motor = any("motor_position" in item.evaluation.positions for item in items)
-        variable = "motor_position" if has_motor else "output_position"
-        for against in (False, True) if equation is not Equation.TORSION else (False,):
-            spectrum = scan(items, variable, against_motion=against)
-            if spectrum is None:
-                continue
-            tests += spectrum.tests
-            for peak in _tops(spectrum):
-                classes = _classes(equation, variable, peak.order, spectrum.resolution, ratio, effects, against=against)
-                if equation is Equation.TORSION and variable == "motor_position" and ratio is not None:
-                    classes += _subdivisions(peak.order * ratio, spectrum.resolution * ratio, counts, effects)
-                found += [replace(proposal, height=peak.height) for proposal in classes]
-    fixed = [_Proposal(effect, effect.fixed_order, 0.0) for effect in effects if effect.fixed_order is not None]
-    return found + fixed, 2.0 * max(tests, 1.0), 2.0 * max(len(fixed), 1)
-
-
-def _tops(spectrum: Spectrum) -> list[Peak]:
-    """Give the peaks that stand out most and those with most power; a slow strong line need not stand out."""
-    found = list(peaks(spectrum, PEAKS_BY_HEIGHT))
-    powerful = 0
-    for place in np.argsort(spectrum.power)[::-1]:
-        order = float(spectrum.orders[place])
-        if all(abs(order - other.order) > spectrum.resolution for other in found):
-            found.append(Peak(order, 0.0))
-            powerful += 1
-        if powerful == PEAKS_BY_POWER:
-            break
-    return found
-
-
-def _classes(
-    equation: Equation,
-    variable: str,
-    order: float,
-    resolution: float,
-    ratio: float | None,
-    effects: Sequence[TermClass],
-    *,
-    against: bool,
-) -> list[_Proposal]:
-    """Give what a line seen in `equation` could be. Slow lines of the motor angle belong to the output angle."""
-    if variable == "motor_position" and order < 0.5 and ratio is not None:
-        variable, order, resolution = "output_position", order * ratio, resolution * ratio
-    current = equation is Equation.MOTOR_CURRENT
-    motor = equation in (Equation.MOTOR_TORQUE, Equation.MOTOR_CURRENT)
-    flips = (Entry.MOTOR_AGAINST_MOTION, Entry.OUTPUT_AGAINST_MOTION)
-    kinds = [
-        kind
-        for kind in effects
-        if kind.variable == variable
-        and kind.fixed_order is None
-        and kind.orders[0] - resolution <= order <= kind.orders[1] + resolution
-        and (kind.entry in flips or (against and kind.entry is Entry.MOTOR_TIMES_TORQUE)) == against
-        and kind.effect != SUBDIVISION
-        # twice a turn an encoder errs tens of times less than a strain wave gear
-        and not (kind.entry is Entry.MOTOR_ANGLE and order > 1.5)
-        # mesh zone and ellipse turn with the plug; a faster product imitates anything within a sweep
-        and not (kind.entry is Entry.TORSION_TIMES_TORQUE and order > MOST_MODULATIONS)
-    ]
-    if against:
-        entry = Entry.MOTOR_AGAINST_MOTION if motor else Entry.OUTPUT_AGAINST_MOTION
-        same = [kind for kind in kinds if kind.entry is entry] or [TermClass(None, entry, variable)]
-        # while nothing loads the motor its torque is friction, and flips as friction does
-        same += [kind for kind in kinds if motor and not current and kind.entry is Entry.MOTOR_TIMES_TORQUE]
-        return [_Proposal(kind, order, resolution) for kind in same]
-    if current:
-        kinds = [kind for kind in kinds if kind.entry is Entry.MOTOR]
-    if variable == "output_position" or not kinds:
-        entry = Entry.ANGLE_ONLY if equation is Equation.TORSION else Entry.MOTOR if motor else Entry.OUTPUT
-        kinds.append(TermClass(None, entry, variable))
-        if entry is Entry.ANGLE_ONLY:
-            kinds.append(TermClass(None, Entry.OUTPUT, variable))
-    return [_Proposal(kind, order, resolution) for kind in kinds]
-
-
-def _subdivisions(
-    order: float, resolution: float, counts: float | None, effects: Sequence[TermClass]
-) -> list[_Proposal]:
-    """Give the output encoder's subdivision error, if its counts a turn are a multiple of the order (per output turn).
-
-    A line count divides the counts; any other order has another cause.
-    """
-    whole = max(round(order), 1)
-    if counts is None or whole < LEAST_LINES or abs(order - whole) > resolution or round(counts) % whole:
-        return []
-    return [_Proposal(kind, float(whole), resolution) for kind in effects if kind.effect == SUBDIVISION]
-
-
-def _withdraw(pieces: Sequence[Piece], current: Fit, alpha: float) -> Fit:
-    """Take out terms that no longer pay beside the others, or have moved onto another."""
-    return _withdraw_lines(pieces, _withdraw_shapes(pieces, current, alpha), alpha)
-
-
-def _withdraw_shapes(pieces: Sequence[Piece], current: Fit, alpha: float) -> Fit:
-    for kind in [term.kind for term in current.model.shapes]:
-        here = next(x for x in current.model.shapes if x.kind == kind)
-        shapes = tuple(x for x in current.model.shapes if x is not here)
-        without = fit(pieces, replace(current.model, shapes=shapes), current.noise, passes=3, block=current.block)
-        ground = prepare(without)
-        trial = try_columns(ground, here.effect.id, trial_columns(ground, here))
-        if trial.single_p > alpha or trial.pays <= 0.0:
-            current = refit(pieces, current, without.model)
-    return current
-
-
-def _withdraw_lines(pieces: Sequence[Piece], current: Fit, alpha: float) -> Fit:
-    for line in sorted(current.model.lines, key=lambda line: line.amplitude):
-        present = current.model.lines
-        matches = [x for x in present if x.kind == line.kind and abs(x.order - line.order) < 1e-3 * line.order]
-        if not matches:
-            continue
-        here = min(matches, key=lambda x: abs(x.amplitude - line.amplitude))
-        others = tuple(x for x in present if x is not here)
-        near = any(
-            x.kind == here.kind and abs(x.order - here.order) < 0.5 * _resolution(current, here.kind) for x in others
-        )
-        without = fit(pieces, replace(current.model, lines=others), current.noise, passes=3, block=current.block)
-        trial = try_line(prepare(without), here.kind, here.order)
-        if near or trial.single_p > alpha or trial.pays <= 0.0 or _may_be_nothing(current, here):
-            current = refit(pieces, current, without.model)
-    return current
-
-
-def _may_be_nothing(state: Fit, line: Line) -> bool:
-    """Whether the interval of a line's amplitude holds zero, now that the others are there too."""
-    place = state.columns.of_line(state.model.lines.index(line)).start
-    size = max(line.amplitude, 1e-300)
-    direction = np.array([line.sine, line.cosine]) / size
-    pair = covariance(state)[place : place + 2, place : place + 2]
-    return size < quantile(state) * math.sqrt(max(float(direction @ pair @ direction), 0.0))
-
-
-def _resolution(state: Fit, kind: TermClass) -> float:
-    """Give the distance of orders that the travel of all runs can tell apart."""
-    angles = [item.evaluation.positions.get(kind.variable) for item in state.linear]
-    known = [angle for angle in angles if angle is not None]
-    travel = max(float(a.max()) for a in known) - min(float(a.min()) for a in known)
-    return 2.0 * math.pi / max(travel, 1e-9)
