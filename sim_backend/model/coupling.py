@@ -3,9 +3,9 @@
     windup = x + gap(T),  T = g^-1(x),  gap(T) = -ratio * sum e(motor_torque = -T)        x: its own windup, rad
 
 All at the motor; -T is the torque that presses on the gap from the motor's side. Both terms rise with x, so that Newton
-steps inside a bracket find the one solution; without curvature in g the second step would be exact for a gap. The
-damper of the wave generator lies across the whole windup. Effects that add nothing change nothing, to the last bit.
-Scalar code for the compiled kernel.
+steps inside a bracket find the one solution. A gap is closed nearly always: the first trial takes it to be, and is then
+exact. The damper of the wave generator lies across the whole windup. Effects that add nothing change nothing, to the
+last bit. Scalar code for the compiled kernel.
 """
 
 import math
@@ -20,7 +20,7 @@ COUPLING_ACCURACY = 1e-12
 COUPLING_TRIALS = 60
 
 PROBE = 1e-7
-"""N*m at the motor, to both sides: difference by which the yielding of the effects is taken."""
+"""N*m at the motor: difference over which the yielding of the effects, rad/(N*m), is taken."""
 
 
 def coupling_angle(torque: float, effect_parameters: Array, c: Constants) -> float:
@@ -32,13 +32,18 @@ def coupled_torque(windup: float, effect_parameters: Array, c: Constants) -> tup
     """Give (torque N*m, stiffness N*m/rad) of the wave generator and what lies in series with it for their windup."""
     if not COUPLED:
         return wave_generator_torque(windup, c)
+    own = windup - coupling_angle(math.copysign(1.0 / c.C_w, windup), effect_parameters, c)
+    if own * windup <= 0.0:
+        yielding = (coupling_angle(PROBE, effect_parameters, c) - coupling_angle(0.0, effect_parameters, c)) / PROBE
+        own = windup / (1.0 + c.K_w0 * max(yielding, 0.0))
     low, high = -math.inf, math.inf
     T = stiffness = 0.0
-    own = windup / (1.0 + c.K_w0 * _yielding(0.0, effect_parameters, c))
     for _ in range(COUPLING_TRIALS):
         T, K = wave_generator_torque(own, c)
-        stiffness = K / (1.0 + K * _yielding(T, effect_parameters, c))
-        residual = own + coupling_angle(T, effect_parameters, c) - windup
+        angle = coupling_angle(T, effect_parameters, c)
+        yielding = (coupling_angle(T + PROBE, effect_parameters, c) - angle) / PROBE
+        stiffness = K / (1.0 + K * max(yielding, 0.0))
+        residual = own + angle - windup
         if abs(residual) * stiffness <= COUPLING_ACCURACY:
             break
         if residual > 0.0:
@@ -52,10 +57,3 @@ def coupled_torque(windup: float, effect_parameters: Array, c: Constants) -> tup
             break
         own = following
     return T, stiffness
-
-
-def _yielding(torque: float, effect_parameters: Array, c: Constants) -> float:
-    """Give by how much the effects yield at a torque in the wave generator, rad/(N*m) at the motor."""
-    above = coupling_angle(torque + PROBE, effect_parameters, c)
-    below = coupling_angle(torque - PROBE, effect_parameters, c)
-    return max((above - below) / (2.0 * PROBE), 0.0)

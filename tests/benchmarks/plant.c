@@ -1,6 +1,6 @@
 /* The plant of the simulated bench with at most one effect, written by hand in C: what the benchmark compares with.
 
-Same step, same solution of the rim and of what lies in series with the flexspline; see sim_backend/model/stepper.py.
+Same step, same solution of the rim and of what lies in series with a spring; see sim_backend/model/stepper.py.
 An effect is compiled in by its name (-DSOFT_WINDUP); what only effects need is left out without one, and what does not
 change from step to step is worked out before the loop. layout.h, written by the benchmark, has `struct state`,
 `struct inputs` and `struct constants`: doubles in the order of the simulated bench's arrays. */
@@ -93,13 +93,12 @@ static inline double open_angle(const struct parameters *p, const struct prepare
 }
 
 #elif defined BACKLASH
-#define OPEN_ANGLE
+#define COUPLED /* in series with the wave generator */
 NO_MEMORY
 struct parameters { double amplitude, contact, ratio; };
 NOTHING_PREPARED
-static inline double open_angle(const struct parameters *p, const struct prepared *k, const struct signals *now,
-                                struct memory *m) {
-    return p->amplitude / p->ratio * clip(now->motor_torque / p->contact, -1.0, 1.0);
+static inline double gap_angle(const struct parameters *p, double torque) {
+    return p->amplitude * clip(torque / p->contact, -1.0, 1.0);
 }
 
 #elif defined SOFT_WINDUP
@@ -461,6 +460,28 @@ static inline struct spring wave_generator(double windup, const struct constants
     return (struct spring){copysign(torque, windup), c->wave_generator_cap};
 }
 
+#ifdef COUPLED
+/* The gap closed on the side that the windup presses, or Newton steps within the contact. */
+static inline struct spring coupled(double windup, const struct parameters *p, const struct constants *c) {
+    struct spring w = wave_generator(windup - copysign(p->amplitude, windup), c);
+    if (w.torque * copysign(1.0, windup) >= p->contact)
+        return w;
+    double yielding = p->amplitude / p->contact, own = windup / (1.0 + c->K_w0 * yielding);
+    for (int trial = 0; trial < 60; trial++) {
+        w = wave_generator(own, c);
+        double stiffness = w.stiffness / (1.0 + w.stiffness * yielding);
+        double residual = own + yielding * w.torque - windup;
+        if (fabs(residual) * stiffness <= 1e-12)
+            return (struct spring){w.torque, stiffness};
+        own -= residual * stiffness / w.stiffness;
+    }
+    return w;
+}
+#define WAVE_GENERATOR(windup, e, c) coupled(windup, (e)->p, c)
+#else
+#define WAVE_GENERATOR(windup, e, c) wave_generator(windup, c)
+#endif
+
 /* What lies in series with the flexspline: its own torsion, the torque through it, the angle of the effect. */
 struct series {
     double torsion, torque, angle, stiffness, compliance;
@@ -476,6 +497,8 @@ struct ends {
     const struct memory *before;
     struct memory *after;
     struct series series;
+#elif defined COUPLED
+    const struct parameters *p;
 #endif
 };
 
@@ -534,7 +557,7 @@ SOLVER struct rim slide(double direction, double guess, double rate_weight, doub
 #else
         struct spring f = flexspline(e->base - e->rim - r.slip, c);
 #endif
-        struct spring w = wave_generator(-e->motor_position - c->ratio * (e->rim + r.slip), c);
+        struct spring w = WAVE_GENERATOR(-e->motor_position - c->ratio * (e->rim + r.slip), e, c);
         r.T_F = f.torque + c->flexspline_damping * (e->base_rate - r.rate);
         r.T_w = w.torque - c->wave_generator_damping * (e->motor_velocity + c->ratio * r.rate);
         double residual = r.T_F + c->ratio * r.T_w - c->rim_damping * r.rate - direction * e->level;
@@ -585,7 +608,7 @@ SOLVER struct rim move_rim(double last_slip, struct ends *e, const struct consta
 #else
     double T_F = flexspline(e->base - e->rim, c).torque + c->flexspline_damping * e->base_rate;
 #endif
-    double T_w = wave_generator(-e->motor_position - c->ratio * e->rim, c).torque;
+    double T_w = WAVE_GENERATOR(-e->motor_position - c->ratio * e->rim, e, c).torque;
     T_w -= c->wave_generator_damping * e->motor_velocity;
     double force = T_F + c->ratio * T_w;
     if (fabs(force) <= e->level)
@@ -666,6 +689,9 @@ void advance(int64_t steps, struct state *state, const struct inputs *in, const 
 #ifdef SERIES
     struct memory trial;
 #endif
+#ifdef COUPLED
+    double base = 0.0;
+#endif
     const struct prepared k = prepare(p, c);
     const double h = c->step, half_m = 0.5 * h / c->motor_inertia, half_o = 0.5 * h / c->output_inertia;
     const double rotor_loss = half_m * c->rotor_friction;
@@ -718,6 +744,8 @@ void advance(int64_t steps, struct state *state, const struct inputs *in, const 
             .now = &signals, .p = p, .k = &k, .before = &memory, .after = &trial,
             .series = {s->series_torsion, s->series_torque, s->series_angle, s->series_stiffness,
                        s->series_compliance},
+#elif defined COUPLED
+            .p = p,
 #endif
         };
         struct rim rim = move_rim(s->slip, &ends, c);
@@ -725,6 +753,9 @@ void advance(int64_t steps, struct state *state, const struct inputs *in, const 
         s->slip = rim.slip;
         s->t_f_before = s->t_f_now;
         s->t_f_now = rim.T_F;
+#ifdef COUPLED
+        double last_elastic = s->t_w_now + s->wave_generator_damper;
+#endif
         s->t_w_now = rim.T_w;
         double pull = 0.0;
 #ifdef SERIES
@@ -768,6 +799,12 @@ void advance(int64_t steps, struct state *state, const struct inputs *in, const 
         double damper_w = c->wave_generator_damping * (next_m + c->ratio * rim.rate);
         double damper_m = c->rotor_viscous_friction * next_m, damper_o = c->output_viscous_friction * next_o;
         double damper_l = in->locked * c->fixture_damping * next_o;
+#ifdef COUPLED
+        double elastic = rim.T_w + damper_w, gap = gap_angle(p, elastic);
+        s->effect_work += 0.5 * (elastic + last_elastic) * (gap - s->coupling_angle);
+        s->coupling_angle = gap;
+        base = ends.base;
+#endif
         s->work += 0.5 * h *
                    (motor_drive * (last_m + s->motor_velocity) + load_drive * (last_o + s->output_velocity));
         s->dissipated += 0.5 * ((s->rim_force + rim_force) * rim.slip +
@@ -798,6 +835,12 @@ void advance(int64_t steps, struct state *state, const struct inputs *in, const 
         }
 #endif
     }
+#ifdef COUPLED
+    struct spring f = flexspline(base - s->rim, c); /* the simulated bench keeps its own torsion here */
+    s->series_torsion = base - s->rim;
+    s->series_torque = f.torque;
+    s->series_stiffness = f.stiffness;
+#endif
     s->steps += steps;
     s->output_torque = s->load_torque + s->fixture_torque;
     *kept = memory;
