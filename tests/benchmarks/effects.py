@@ -1,9 +1,9 @@
 """The base plant and every effect, each against the same plant with that effect written by hand in C (plant.c).
 
 The C is compiled by `gcc -O2`. Before anything is timed, both must have gone through the same states to within
-TOLERANCE: they take the same steps and differ by rounding, and at a gap by where a solver stops. Then they take turns on the same motion. Two motions:
-in a free run the rim slides all the time; with the output locked and the motor torque reversed every 20 ms it swings,
-sticks and slides. Seconds are of the processor, ratios the median over the rounds.
+TOLERANCE: they take the same steps and differ by rounding, and at a gap by where a solver stops. Then they take turns
+on the same motion. Two motions: in a free run the rim slides all the time; with the output locked and the motor torque
+reversed every 20 ms it swings, sticks and slides. Seconds are of the processor, ratios the median over the rounds.
 """
 
 import ctypes
