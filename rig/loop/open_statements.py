@@ -137,7 +137,7 @@ def _shapes(selection: Selection) -> list[Open]:
                 "looks_like": near,
                 "share_of_squares": float(best.share),
                 "p_value": best.single_p,
-                "meaning": "the residual follows a shape that is not added by this version",
+                "meaning": "the residual follows this shape, but not so that it could be added",
             },
         )
     ]

@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rig.loop.aliases import aliases, beats, likeliest, samplings
+from rig.loop.compliance_form import other_compliance
 from rig.loop.equations import Equation, Piece
 from rig.loop.fit import Fit, refit, with_noise
 from rig.loop.lines import USUAL_HIGHEST_ORDER, refine
 from rig.loop.proposals import Proposal, propose, same_place
 from rig.loop.result import Candidate, Verdict
-from rig.loop.rivals import other_compliance
 from rig.loop.shape_trials import ShapeTrial, scales_of, shape_trials, trial_columns
 from rig.loop.shapes import ShapeClass
 from rig.loop.terms import Entry, Line, TermClass
