@@ -1,5 +1,6 @@
 """The commands as their user meets them: exit code, one paragraph on stderr, results on stdout."""
 
+import functools
 import json
 import math
 import os
@@ -382,7 +383,13 @@ def wait(seconds: float) -> None:
     ],
 )
 def test_a_signal_ends_a_run_safely_with_code_4_and_a_complete_log(tmp_path, sent, then):
-    process = subprocess.Popen([*PROGRAM, "run", "free-run", "-o", str(tmp_path)], stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [*PROGRAM, "run", "free-run", "-o", str(tmp_path)],
+        stderr=subprocess.PIPE,
+        text=True,
+        # under nohup a hang-up is ignored, which the program inherits and respects
+        preexec_fn=functools.partial(signal.signal, signal.SIGHUP, signal.SIG_DFL),
+    )
     clock = RealClock()
     while not list(tmp_path.glob("*.mcap")) and clock.now() < 60:
         wait(0.05)
