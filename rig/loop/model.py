@@ -55,7 +55,7 @@ LEAST_LEVEL = 1e-3
 """Share of the base level of friction that is left whatever is taken from it."""
 
 LEVEL_PASSES = 3
-"""Rounds in which the torque that gets through takes up a friction that grows with it."""
+"""Rounds in which a friction takes up the torque that grows with it, and a current the reading that it makes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,8 +269,7 @@ def _backdrive(track: Track, model: Model) -> Evaluation:
     play_load = np.zeros(track.size * track.fine) if track.play_load is None else track.play_load
     radius = _radius(model.value("T_fb") / N, added.friction(signals), track.fine)
     path = play_path((play_load - np.repeat(load, track.fine)) / N, radius, track.fine)
-    signals["motor_torque"] = path.output
-    value = path.output + added.motor(signals) + model.value("M_0")
+    value = _motor_reading(track, added, signals, path.output) + model.value("M_0")
     ones = np.ones(track.size)
     base = {"T_fb": -path.side / N, "M_0": ones}
     slipped, last = path.slip >= 0, np.maximum(path.slip, 0)
@@ -303,6 +302,20 @@ def _locked(track: Track, model: Model) -> Evaluation:
         base["J_r"] = inertial
     friction = Route(-N * path.side, last)
     return Evaluation(value, base, False, carried, Route(ones), friction, signals, stand_in, path.settled, N)
+
+
+def _motor_reading(track: Track, added: Added, signals: dict[str, Floats], torque: Floats) -> Floats:
+    """Give what the motor torque reads where the mesh asks for `torque`, N*m, (n,); puts the motor into `signals`.
+
+    The current follows from the reading that it makes.
+    """
+    signals["motor_torque"] = torque
+    reading = torque + added.motor(signals)
+    for _ in range(LEVEL_PASSES if added.shapes and track.torque_constant is not None else 1):
+        if track.torque_constant is not None:
+            signals["motor_current"] = reading / track.torque_constant
+            reading = torque + added.motor(signals)
+    return reading
 
 
 def _radius(level: float, added: Floats | None, fine: int) -> Floats | float:
@@ -339,8 +352,7 @@ def _motor(piece: Piece, model: Model) -> Evaluation:
         level = added.friction(signals)
         running = running if level is None else track.direction * level
         friction = Route(track.direction)
-    signals["motor_torque"] = running
-    value = running + added.motor(signals) + model.value(constant)
+    value = _motor_reading(track, added, signals, running) + model.value(constant)
     if piece.law is Law.FREE_RUN and track.ripple is not None and not current and np.any(track.ripple.position):
         value = (
             value + inertia(track.ripple.acceleration, model.value("J_r")) + model.value("K_r") * track.ripple.position

@@ -15,6 +15,7 @@ import numpy as np
 
 from rig.loop.aliases import aliases, beats, likeliest, samplings
 from rig.loop.compliance_form import other_compliance
+from rig.loop.contenders import by_joint_fit
 from rig.loop.equations import Equation, Piece
 from rig.loop.fit import Fit, refit, with_noise
 from rig.loop.lines import USUAL_HIGHEST_ORDER, refine
@@ -145,7 +146,9 @@ def select(pieces: Sequence[Piece], base: Fit, alpha: float, known: Mapping[str,
         lines = _candidates(ground, known)
         shapes = _shapes(ground, known, max((c.trial.gain for c in lines), default=0.0))
         left = tuple(item.trial for item in shapes)
-        shapes = [item for item in shapes if item.term.effect.id not in QUOTIENT]
+        present = {term.effect.id for term in current.model.shapes}
+        shapes = [item for item in shapes if item.term.effect.id not in {*QUOTIENT, *present}]
+        shapes = by_joint_fit(pieces, ground, shapes)
         accepted = _round(pieces, ground, lines, shapes, alpha, decisions, unadded)
         if accepted is None:
             break

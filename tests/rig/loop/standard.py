@@ -1,10 +1,11 @@
 """What the standard campaign establishes of one effect of the catalogue: the loop's answer beside what was hidden.
 
-Run as a module it goes through the catalogue and prints a table: `python -m tests.rig.loop.standard [SEED] [ID...]`.
+Run as a module it goes through the catalogue and prints a table; the control without an effect is called `none`:
+`python -m tests.rig.loop.standard [--seed N] [--noise KIND] [ID...]`.
 """
 
+import argparse
 import math
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -16,10 +17,14 @@ from rig.loop.trace import trace
 from sim_backend.model.effects import CATALOGUE, Enters
 from tests.independent.campaign import STANDARD, Campaign
 from tests.independent.effects import Effects, draw
+from tests.independent.instruments import Instruments, NoiseKind
 from tests.rig.loop.runs import dut, runs_of
 
 RATE = 100.0
 """Samples a second."""
+
+CONTROL = "none"
+"""In place of an id: a campaign in which nothing is hidden."""
 
 FREE_OF_PERIOD = frozenset({"phase"})
 
@@ -54,12 +59,13 @@ def hidden_effects() -> tuple[str, ...]:
     return tuple(effect.id for effect in CATALOGUE.values() if effect.enters is not Enters.BASE)
 
 
-def establish(effect: str, seed: int) -> Outcome:
+def establish(effect: str, seed: int, noise: NoiseKind = NoiseKind.WHITE) -> Outcome:
     """Record the standard campaign with the effect, drawn from `seed`, and let the loop trace it."""
-    drawn = draw(effect, np.random.default_rng(seed))
-    runs, held_out = runs_of(Campaign(seed, effects=drawn, plan=STANDARD, rate=RATE))
+    drawn = Effects() if effect == CONTROL else draw(effect, np.random.default_rng(seed))
+    campaign = Campaign(seed, effects=drawn, instruments=Instruments(noise=noise), plan=STANDARD, rate=RATE)
+    runs, held_out = runs_of(campaign)
     result = trace(runs, dut(), LoopOptions(held_out=held_out))
-    hidden = _hidden(drawn, effect)
+    hidden = {} if effect == CONTROL else _hidden(drawn, effect)
     step = next((item for item in result.steps if item.effect == effect), None)
     off = {}
     for name, value in hidden.items():
@@ -77,15 +83,19 @@ def _hidden(drawn: Effects, effect: str) -> dict[str, float]:
     return max((dict(values) for values in drawn.of(effect)), key=lambda values: abs(values.get("amplitude", 0.0)))
 
 
-def main(arguments: list[str]) -> None:
+def main() -> None:
     """Print one line for every effect."""
-    seed = int(arguments[0]) if arguments else 8
-    for effect in arguments[1:] or hidden_effects():
-        outcome = establish(effect, seed)
+    parser = argparse.ArgumentParser(prog="python -m tests.rig.loop.standard")
+    parser.add_argument("--seed", type=int, default=8)
+    parser.add_argument("--noise", type=NoiseKind, choices=list(NoiseKind), default=NoiseKind.WHITE)
+    parser.add_argument("effects", nargs="*", default=hidden_effects())
+    asked = parser.parse_args()
+    for effect in asked.effects:
+        outcome = establish(effect, asked.seed, asked.noise)
         off = ", ".join(f"{name} {value:+.1f}" for name, value in outcome.off.items())
         found = ", ".join(outcome.result.effects) or "-"
         print(f"{effect} | {outcome.answer} | {found} | {off} | {outcome.result.elapsed:.0f} s", flush=True)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()
