@@ -1,6 +1,6 @@
 """Which equation a run allows, and by which base law (the contract's table of equations)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -13,6 +13,10 @@ Floats = NDArray[np.float64]
 
 FEWEST_SAMPLES = 20
 """Below this a run says nothing about an equation."""
+
+
+SAME_READING = 1e-11
+"""rad within which a torsion reads the same: what rounding leaves of equal counts."""
 
 
 class Equation(StrEnum):
@@ -79,6 +83,22 @@ def pieces_of(track: Track, ratio: float | None) -> tuple[Piece, ...]:
         if index.size >= FEWEST_SAMPLES:
             found.append(Piece(track, equation, law, index, target[index]))
     return tuple(found)
+
+
+def distinct_readings(piece: Piece) -> Piece:
+    """Keep the middle one of the samples over which the angles of a drive that does not turn read the same.
+
+    A held encoder gives one count over and over: its error, up to half a count, does not average out, and a hold of a
+    minute would outweigh the sweep.
+    """
+    if piece.equation is not Equation.TORSION or piece.track.moves:
+        return piece
+    edges = np.flatnonzero(np.abs(np.diff(piece.target)) > SAME_READING) + 1
+    bounds = np.concatenate([[0], edges, [piece.target.size]])
+    middle = (bounds[:-1] + bounds[1:] - 1) // 2
+    if middle.size < FEWEST_SAMPLES:
+        return piece
+    return replace(piece, index=piece.index[middle], target=piece.target[middle])
 
 
 def target_of(piece: Piece, ratio: float | None) -> Floats:

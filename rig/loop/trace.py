@@ -16,7 +16,7 @@ from rig.log.run import ProcedureName, Run
 from rig.loop.aliases import aliases, samplings
 from rig.loop.campaign import LoopOptions, split_runs
 from rig.loop.checks import check_gear, check_magnitudes, check_signs
-from rig.loop.equations import FEWEST_SAMPLES, Equation, Law, Piece, pieces_of
+from rig.loop.equations import FEWEST_SAMPLES, Equation, Law, Piece, distinct_readings, pieces_of
 from rig.loop.fit import BLOCK, Fit, fit, fit_stably, reweighted
 from rig.loop.frames import turned, turned_shape
 from rig.loop.intervals import hidden_share
@@ -74,7 +74,8 @@ def trace(
     ratio = check_gear(train, dut)
     check_signs([*train, *held_out], ratio)
     start = scaled_to_data(start_model(dut, ratio, options.base), train)
-    pieces = _settled([piece for track in train for piece in pieces_of(thin_track(track), ratio)], start)
+    thinned = [distinct_readings(piece) for track in train for piece in pieces_of(thin_track(track), ratio)]
+    pieces = _settled(thinned, start)
     if not pieces:
         raise DataError(
             ", ".join(track.name for track in train[:4]),
