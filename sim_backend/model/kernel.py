@@ -223,17 +223,17 @@ def _lines(body: Iterable[str]) -> str:
 
 
 def _springs(law: Compliance) -> str:
-    """Give the two springs of the plant, the flexspline's under the name that the rim calls."""
-    chosen = _FLEXSPLINES[law]
-    source = definitions(springs, chosen, "wave_generator_torque")
-    called = _FLEXSPLINES[Compliance.ARCTAN]
-    return source if chosen == called else f"{source}\n\n{called} = {chosen}"
+    """Give torque and energy of the two springs, the flexspline's under the names that rim and stepper call."""
+    chosen, called = _FLEXSPLINES[law], _FLEXSPLINES[Compliance.ARCTAN]
+    source = definitions(springs, "_bent_and_straight", *chosen, "wave_generator_torque", "wave_generator_energy")
+    renamed = "\n".join(f"{name} = {law_name}" for name, law_name in zip(called, chosen, strict=True))
+    return source if chosen == called else f"{source}\n\n{renamed}"
 
 
 _FLEXSPLINES = {
-    Compliance.ARCTAN: "flexspline_torque",
-    Compliance.CUBIC: "cubic_flexspline_torque",
-    Compliance.PIECEWISE: "piecewise_flexspline_torque",
+    Compliance.ARCTAN: ("flexspline_torque", "flexspline_energy"),
+    Compliance.CUBIC: ("cubic_flexspline_torque", "cubic_flexspline_energy"),
+    Compliance.PIECEWISE: ("piecewise_flexspline_torque", "piecewise_flexspline_energy"),
 }
 
 

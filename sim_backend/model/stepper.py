@@ -11,8 +11,10 @@ shaft; at rest T_w = -motor_torque. The motor's drive regulates what it reads: i
 believes in, which differs from the shaft's by the error of the reading. Errors of readings are those of the last tick
 of the drive loops. Sense `opposed`. Scalar code that numba compiles.
 
-The energy account takes every force at both ends of a step times the travel between them, as the step itself does, and
-the drives' torque times the mean of both speeds. What is left of the balance is the curvature of the springs' laws.
+Over a step a bent spring does the work of its secant, not that of the mean of its two ends. Where the wave generator's
+torque changes fast (`STEEP`) both bodies get the difference as a push at the end of the step, so that a jolt neither
+makes nor loses energy. The energy account takes every force at both ends of a step times the travel between them, as
+the step itself does, and the drives' torque times the mean of both speeds.
 """
 
 import math
@@ -41,6 +43,7 @@ from sim_backend.model.effect_sums import (
 )
 from sim_backend.model.rim import move_rim
 from sim_backend.model.series import Series, move_rim_in_series
+from sim_backend.model.springs import flexspline_energy, wave_generator_energy
 
 (
     STEPS,
@@ -117,11 +120,34 @@ The last three are the energy account, J: work of both drives, heat, work on eff
 """Places in the array of inputs."""
 
 
+STEEP = 1500.0
+"""1/s: rate of the wave generator's torque, times C_w, beyond which its spring bends too much within a step."""
+
+
 def brake(velocity: float, loss: float) -> float:
     """Take `loss` off the speed without reversing it."""
     if loss == 0.0:
         return velocity
     return math.copysign(max(abs(velocity) - loss, 0.0), velocity)
+
+
+def excess(stored: float, travel: float, first: float, last: float) -> float:
+    """Give by how much a spring's mean torque over its `travel` (rad) exceeds the mean of the `first` and the `last`.
+
+    `stored`: energy that it took up, J.
+    """
+    return 0.0 if travel == 0.0 else stored / travel - 0.5 * (first + last)
+
+
+def worked(push: float, middle: float, end: float) -> float:
+    """Give the push (rad/s) at the end of a step that does the work of a `push` spread over it.
+
+    `middle`, `end`: speeds in the middle of the step and at its end before the push, the drive's last kick left out.
+    """
+    if push == 0.0:
+        return 0.0
+    end += 0.5 * push
+    return push * max(middle / end, 0.0) if abs(end) > 0.5 * abs(middle) else push
 
 
 def signals_at(
@@ -221,6 +247,7 @@ def advance(
     motor_extra, output_extra = s[MOTOR_EFFECTS], s[OUTPUT_EFFECTS]
     series = Series(s[SERIES_TORSION], s[SERIES_TORQUE], s[SERIES_ANGLE], s[SERIES_STIFFNESS], s[SERIES_COMPLIANCE])
     gap, pull = s[COUPLING_ANGLE], s[PULL]
+    torsion, wound = theta_o - error - rim - series.angle, theta_m + c.ratio * rim + gap
     wait, motor_command, load_command = s[LOOP_WAIT], s[MOTOR_COMMAND], s[LOAD_COMMAND]
     motor_integral, load_integral = s[MOTOR_INTEGRAL], s[LOAD_INTEGRAL]
     work, dissipated, effect_work = s[WORK], s[DISSIPATED], s[EFFECT_WORK]
@@ -279,13 +306,26 @@ def advance(
         else:
             slip, rim_rate, T_F, T_w = move_rim(slip, rim, base, base_rate, theta_m, next_m, level, c)
         rim += slip
+        last_torsion, torsion = torsion, base - rim - series.angle
+        last_damper_F, damper_F = damper_F, c.flexspline_damping * (base_rate - rim_rate)
+        last_damper_w, damper_w = damper_w, c.wave_generator_damping * (next_m + c.ratio * rim_rate)
+        last_elastic, elastic = elastic, T_w + damper_w
+        last_gap = gap
+        if COUPLED:
+            gap = coupling_angle(elastic, effect_parameters, c)
+        last_wound, wound = wound, theta_m + c.ratio * rim + gap
+        excess_F = excess_w = 0.0
+        if abs(elastic - last_elastic) * c.C_w > STEEP * h:
+            stored = flexspline_energy(torsion, c) - flexspline_energy(last_torsion, c)
+            excess_F = excess(stored, torsion - last_torsion, last_T_F - last_damper_F, T_F - damper_F)
+            stored = wave_generator_energy(wound, c) - wave_generator_energy(last_wound, c)
+            excess_w = -excess(stored, wound - last_wound, -last_elastic, -elastic)
         last_pull, pull = pull, T_F * open_slope
         motor_force = T_w + T_F * slope
         if SERIES:
             series_pull = series.torque * series_slope(now, series.torque, series.torsion, h, s, effect_parameters)
             pull += series_pull
             motor_force += series_pull
-        torsion = base - rim - series.angle
 
         last_motor_extra, last_output_extra = motor_extra, output_extra
         motor_extra = motor_effects(now, output_torque, torsion, h, s, effect_parameters)
@@ -295,6 +335,8 @@ def advance(
         last_m, last_o = omega_m, omega_o
         omega_m = brake(middle_m + half_m * (motor_drive + motor_force), rotor_loss)
         omega_o = middle_o + half_o * (load_drive + fixture + output_force)
+        omega_m += worked(2.0 * half_m * (excess_w + excess_F * slope), middle_m, omega_m - half_m * motor_drive)
+        omega_o += worked(-2.0 * half_o * excess_F, middle_o, omega_o - half_o * load_drive)
 
         motor_travel, output_travel = h * middle_m, h * middle_o
         flexspline_travel = output_travel - (error - last_error) - slip
@@ -303,27 +345,24 @@ def advance(
         effect_work += 0.5 * (
             (motor_extra + last_motor_extra) * motor_travel + (output_extra + last_output_extra) * output_travel
         )
-        effect_work += 0.5 * ((T_F + last_T_F) * open_change - (pull + last_pull) * motor_travel)
+        effect_work += (0.5 * (T_F + last_T_F) + excess_F) * open_change
+        effect_work -= (0.5 * (pull + last_pull) + excess_F * open_slope) * motor_travel
         if SERIES:
-            effect_work += 0.5 * (series.torque + last_series.torque) * (series.angle - last_series.angle)
+            mean_torque = 0.5 * (series.torque + last_series.torque) + excess_F
+            effect_work += mean_torque * (series.angle - last_series.angle)
+        if COUPLED:
+            effect_work += (0.5 * (elastic + last_elastic) + excess_w) * (gap - last_gap)
         last_rim_force, rim_force = rim_force, T_F + c.ratio * T_w
         if slip != 0.0:
             rim_force = level * math.copysign(1.0, slip) + c.rim_damping * rim_rate
-        last_F, last_w, last_damper_m, last_damper_o, last_l = damper_F, damper_w, damper_m, damper_o, damper_l
-        damper_F = c.flexspline_damping * (base_rate - rim_rate)
-        damper_w = c.wave_generator_damping * (next_m + c.ratio * rim_rate)
-        if COUPLED:
-            last_elastic, last_gap = elastic, gap
-            elastic = T_w + damper_w
-            gap = coupling_angle(elastic, effect_parameters, c)
-            effect_work += 0.5 * (elastic + last_elastic) * (gap - last_gap)
+        last_damper_m, last_damper_o, last_l = damper_m, damper_o, damper_l
         damper_m = c.rotor_viscous_friction * next_m
         damper_o = c.output_viscous_friction * next_o
         damper_l = locked * c.fixture_damping * next_o
         dissipated += 0.5 * (
-            (last_rim_force + rim_force) * slip
-            + (last_F + damper_F) * flexspline_travel
-            + (last_w + damper_w) * wave_generator_travel
+            (last_rim_force + rim_force + 2.0 * (excess_F + c.ratio * excess_w)) * slip
+            + (last_damper_F + damper_F) * flexspline_travel
+            + (last_damper_w + damper_w) * wave_generator_travel
             + (last_damper_m + damper_m) * motor_travel
             + (last_damper_o + damper_o + last_l + damper_l) * output_travel
             + c.rotor_friction * h * abs(last_m + omega_m)

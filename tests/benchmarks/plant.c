@@ -460,6 +460,32 @@ static inline struct spring wave_generator(double windup, const struct constants
     return (struct spring){copysign(torque, windup), c->wave_generator_cap};
 }
 
+static double flexspline_energy(double windup, const struct constants *c) {
+    double bent = fmin(fabs(windup), c->flexspline_knee), straight = fabs(windup) - bent;
+    double energy = -log(cos(c->C_F * c->K_F0 * bent)) / (c->C_F * c->C_F * c->K_F0);
+    return energy + straight * (c->flexspline_knee_torque + 0.5 * c->flexspline_cap * straight);
+}
+
+static double wave_generator_energy(double windup, const struct constants *c) {
+    double bent = fmin(fabs(windup), c->wave_generator_knee), straight = fabs(windup) - bent;
+    double share = c->C_w * c->K_w0 * bent;
+    double energy = ((1.0 - share) * log1p(-share) + share) / (c->C_w * c->C_w * c->K_w0);
+    return energy + straight * (c->wave_generator_knee_torque + 0.5 * c->wave_generator_cap * straight);
+}
+
+/* By how much a spring's mean torque over its travel exceeds the mean of the first and the last. */
+static inline double excess(double stored, double travel, double first, double last) {
+    return travel == 0.0 ? 0.0 : stored / travel - 0.5 * (first + last);
+}
+
+/* The push at the end of a step that does the work of one spread over it. */
+static inline double worked(double push, double middle, double end) {
+    if (push == 0.0)
+        return 0.0;
+    end += 0.5 * push;
+    return fabs(end) > 0.5 * fabs(middle) ? push * fmax(middle / end, 0.0) : push;
+}
+
 #ifdef COUPLED
 /* The gap closed on the side that the windup presses, or Newton steps within the contact. */
 static inline struct spring coupled(double windup, const struct parameters *p, const struct constants *c) {
@@ -661,6 +687,8 @@ static void warm_up(struct state *s, double current, const struct constants *c) 
     s->winding_temperature += c->motor_settling * (winding_end - s->winding_temperature);
 }
 
+#define STEEP 1500.0 /* 1/s: rate of the wave generator's torque, times C_w, beyond which a step is bent */
+
 static inline double brake(double velocity, double loss) {
     return loss == 0.0 ? velocity : copysign(fmax(fabs(velocity) - loss, 0.0), velocity);
 }
@@ -695,6 +723,13 @@ void advance(int64_t steps, struct state *state, const struct inputs *in, const 
     const struct prepared k = prepare(p, c);
     const double h = c->step, half_m = 0.5 * h / c->motor_inertia, half_o = 0.5 * h / c->output_inertia;
     const double rotor_loss = half_m * c->rotor_friction;
+    double torsion = s->output_position - s->error - s->rim, wound = s->motor_position + c->ratio * s->rim;
+#ifdef SERIES
+    torsion -= s->series_angle;
+#endif
+#ifdef COUPLED
+    wound += s->coupling_angle;
+#endif
 
     for (int64_t i = 1; i <= steps; i++) {
         if (s->loop_wait <= 0.0) {
@@ -753,14 +788,31 @@ void advance(int64_t steps, struct state *state, const struct inputs *in, const 
         s->slip = rim.slip;
         s->t_f_before = s->t_f_now;
         s->t_f_now = rim.T_F;
-#ifdef COUPLED
         double last_elastic = s->t_w_now + s->wave_generator_damper;
-#endif
         s->t_w_now = rim.T_w;
+        double damper_F = c->flexspline_damping * (ends.base_rate - rim.rate);
+        double damper_w = c->wave_generator_damping * (next_m + c->ratio * rim.rate);
+        double elastic = rim.T_w + damper_w, gap = 0.0, excess_F = 0.0, excess_w = 0.0;
+#ifdef COUPLED
+        gap = gap_angle(p, elastic);
+#endif
+        double now_torsion = ends.base - s->rim, now_wound = s->motor_position + c->ratio * s->rim + gap;
+#ifdef SERIES
+        now_torsion -= ends.series.angle;
+#endif
+        if (fabs(elastic - last_elastic) * c->C_w > STEEP * h) {
+            double stored = flexspline_energy(now_torsion, c) - flexspline_energy(torsion, c);
+            excess_F = excess(stored, now_torsion - torsion, s->t_f_before - s->flexspline_damper, rim.T_F - damper_F);
+            stored = wave_generator_energy(now_wound, c) - wave_generator_energy(wound, c);
+            excess_w = -excess(stored, now_wound - wound, -last_elastic, -elastic);
+        }
+        torsion = now_torsion;
+        wound = now_wound;
         double pull = 0.0;
 #ifdef SERIES
         memory = trial;
-        s->effect_work += 0.5 * (ends.series.torque + s->series_torque) * (ends.series.angle - s->series_angle);
+        s->effect_work +=
+            (0.5 * (ends.series.torque + s->series_torque) + excess_F) * (ends.series.angle - s->series_angle);
         s->series_torsion = ends.series.torsion;
         s->series_torque = ends.series.torque;
         s->series_angle = ends.series.angle;
@@ -773,7 +825,7 @@ void advance(int64_t steps, struct state *state, const struct inputs *in, const 
         s->pull = pull;
 #endif
 #ifdef OPEN_ANGLE
-        s->effect_work += 0.5 * (s->t_f_now + s->t_f_before) * (s->error - s->error_open);
+        s->effect_work += (0.5 * (s->t_f_now + s->t_f_before) + excess_F) * (s->error - s->error_open);
         s->error_open = s->error;
 #endif
         double motor_extra = 0.0, output_extra = 0.0;
@@ -791,23 +843,23 @@ void advance(int64_t steps, struct state *state, const struct inputs *in, const 
         s->output_force = -rim.T_F - output_extra - c->output_viscous_friction * next_o;
         s->motor_velocity = brake(middle_m + half_m * (motor_drive + s->motor_force), rotor_loss);
         s->output_velocity = middle_o + half_o * (load_drive + s->fixture_torque + s->output_force);
+        s->motor_velocity += worked(2.0 * half_m * (excess_w + excess_F * slope), middle_m,
+                                    s->motor_velocity - half_m * motor_drive);
+        s->output_velocity += worked(-2.0 * half_o * excess_F, middle_o, s->output_velocity - half_o * load_drive);
 
         double rim_force = rim.T_F + c->ratio * rim.T_w;
         if (rim.slip != 0.0)
             rim_force = copysign(level, rim.slip) + c->rim_damping * rim.rate;
-        double damper_F = c->flexspline_damping * (ends.base_rate - rim.rate);
-        double damper_w = c->wave_generator_damping * (next_m + c->ratio * rim.rate);
         double damper_m = c->rotor_viscous_friction * next_m, damper_o = c->output_viscous_friction * next_o;
         double damper_l = in->locked * c->fixture_damping * next_o;
 #ifdef COUPLED
-        double elastic = rim.T_w + damper_w, gap = gap_angle(p, elastic);
-        s->effect_work += 0.5 * (elastic + last_elastic) * (gap - s->coupling_angle);
+        s->effect_work += (0.5 * (elastic + last_elastic) + excess_w) * (gap - s->coupling_angle);
         s->coupling_angle = gap;
         base = ends.base;
 #endif
         s->work += 0.5 * h *
                    (motor_drive * (last_m + s->motor_velocity) + load_drive * (last_o + s->output_velocity));
-        s->dissipated += 0.5 * ((s->rim_force + rim_force) * rim.slip +
+        s->dissipated += 0.5 * ((s->rim_force + rim_force + 2.0 * (excess_F + c->ratio * excess_w)) * rim.slip +
                                 (s->flexspline_damper + damper_F) * (output_travel - (s->error - last_error) - rim.slip) +
                                 (s->wave_generator_damper + damper_w) * (motor_travel + c->ratio * rim.slip) +
                                 (s->motor_damper + damper_m) * motor_travel +

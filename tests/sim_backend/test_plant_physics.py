@@ -317,22 +317,19 @@ def every_effect(shares: list[float]) -> tuple[ActiveEffect, ...]:
 
 
 def play_through(effects: tuple[ActiveEffect, ...], plan: list[tuple], step: float = 2e-5) -> tuple[float, float]:
-    """Run up and play the plan; the largest error of the energy balance and the gross work put in, J.
+    """Play the plan from rest; the largest error of the energy balance and the gross work put in, J.
 
-    What the account leaves comes of jolts: 8 N*m that the load drive puts on within 0.1 ms drive the wave generator
-    through its whole stiffening within one step and leave 6 uJ, whatever the run puts in besides.
+    Jolts are part of it: the rated torque that the load drive puts on within 0.1 ms drives the wave generator through
+    its whole stiffening within a few steps.
     """
     plant = Plant(dataclasses.replace(CONFIG, step=step, temperature=40.0), effects)
-    plant.command("motor", AxisMode.VELOCITY, 60.0)
-    rows = [plant.truth(), *follow(plant, 0.2)]
+    rows = [plant.truth(), *follow(plant, 0.01)]
     for locked, motor, motor_share, load, load_share, duration in plan:
-        # not above the rated torque, and not on a fast motor: to stop 600 rad/s takes 260 N*m
-        if abs(rows[-1].flexspline_torque) < RATED_TORQUE and abs(rows[-1].motor_velocity) < 100.0:
-            plant.set_lock(locked)
+        plant.set_lock(locked)
         if plant.locked and motor is AxisMode.VELOCITY:
             motor = AxisMode.TORQUE
         motor_size = {AxisMode.TORQUE: 0.17, AxisMode.VELOCITY: 150.0, AxisMode.POSITION: 2.0}.get(motor, 0.0)
-        load_size = {AxisMode.TORQUE: 4.0, AxisMode.VELOCITY: 1.0, AxisMode.POSITION: 0.1}.get(load, 0.0)
+        load_size = {AxisMode.TORQUE: RATED_TORQUE, AxisMode.VELOCITY: 1.0, AxisMode.POSITION: 0.1}.get(load, 0.0)
         here = rows[-1].motor_position if motor is AxisMode.POSITION else 0.0
         there = rows[-1].output_position if load is AxisMode.POSITION else 0.0
         plant.command("motor", motor, here + motor_share * motor_size)
@@ -385,8 +382,8 @@ def test_what_the_energy_account_leaves_falls_with_the_square_of_the_step(with_e
             parts.append(error / gross)
         left.append(float(np.median(parts)))
     for coarse, fine in itertools.pairwise(left):
-        # 4, less what single jolts and impacts of the gap leave
-        assert coarse / fine > 2.8
+        # 4, less what single impacts of the gap leave
+        assert coarse / fine > 3.6
 
 
 def test_the_stored_energy_is_that_of_the_springs_and_the_speeds_up_to_the_square_of_the_step():
