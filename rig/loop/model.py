@@ -110,9 +110,8 @@ def _signals(
     found = {**track.auxiliary, **positions, "time": track.time, "direction": track.direction, FLEXSPLINE_TORQUE: T}
     found["locked"] = np.full(track.size, float(track.procedure is ProcedureName.LOCKED_OUTPUT))
     found["motor_velocity"] = track.speed
-    if _is_loaded(track, model):
-        found["output_torque"] = T
-        found["flexspline_torsion"] = flexspline_torsion(T, model.value("K_F0"), model.value("C_F"))
+    found["output_torque"] = T
+    found["flexspline_torsion"] = flexspline_torsion(T, model.value("K_F0"), model.value("C_F"))
     found["base_friction"] = np.abs(model.value("T_c")) + np.abs(model.value("b") * track.speed)
     if M is not None:
         found["motor_torque"] = M
@@ -123,12 +122,8 @@ def _signals(
 
 def _loaded(signals: dict[str, Floats], T: Floats, torsion: Floats | None = None) -> dict[str, Floats]:
     """Give the signals with another torque at the flexspline (N*m), and its torsion (rad) where that is known."""
-    found = signals | {FLEXSPLINE_TORQUE: T}
-    if "output_torque" in signals:
-        found["output_torque"] = T
-        if torsion is not None:
-            found["flexspline_torsion"] = torsion
-    return found
+    found = signals | {FLEXSPLINE_TORQUE: T, "output_torque": T}
+    return found if torsion is None else found | {"flexspline_torsion": torsion}
 
 
 def _positions(track: Track, ratio: float | None) -> dict[str, Floats]:

@@ -48,7 +48,7 @@ SET_SHARE = 0.9
 MOST_CLASSES = 3
 MOST_LINES = 16
 QUOTIENT = ("torque-constant-error", "torque-sensor-gain")
-"""What the base parameters take up, alone or against each other: said as absorbed, never added."""
+"""What base parameters take up, each its own: only that the two torques do not agree shows, never which is wrong."""
 
 NESTED: Mapping[str, tuple[str, ...]] = {"rate-dependent-hysteresis": ("creep", "maxwell-slip")}
 """A class that holds others as special cases: it is taken only if it explains more."""
@@ -147,7 +147,8 @@ def select(pieces: Sequence[Piece], base: Fit, alpha: float, known: Mapping[str,
         shapes = _shapes(ground, known, max((c.trial.gain for c in lines), default=0.0))
         left = tuple(item.trial for item in shapes)
         present = {term.effect.id for term in current.model.shapes}
-        shapes = [item for item in shapes if item.term.effect.id not in {*QUOTIENT, *present}]
+        present |= set(QUOTIENT) if present & set(QUOTIENT) else set()
+        shapes = [item for item in shapes if item.term.effect.id not in present]
         shapes = by_joint_fit(pieces, ground, shapes)
         accepted = _round(pieces, ground, lines, shapes, alpha, decisions, unadded)
         if accepted is None:
@@ -232,6 +233,7 @@ def _judge_shape(
     peers = [*(x.trial for x in shapes if x is not candidate), *_best_of_classes(lines), form]
     outer = {name for name, within in NESTED.items() if term.effect.id in within}
     near = {p.label for p in peers if p.gain >= SET_SHARE * trial.gain and p.label not in {*outer, term.effect.id}}
+    near |= set(QUOTIENT) - {term.effect.id} if term.effect.id in QUOTIENT else set()
     if form.gain > trial.gain / BEST_SHARE:
         return unadded("another shape explains more")
     joint = refit(pieces, ground.fit, replace(ground.fit.model, shapes=(*ground.fit.model.shapes, term)))
