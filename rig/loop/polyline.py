@@ -4,9 +4,12 @@ A play remembers the extremes of its input, so that the noise of a held torque r
 past a corner sets it for good. Where the whole record is a polyline within its noise, that is what the play gets.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
+from scipy.signal import savgol_filter
 
 Floats = NDArray[np.float64]
 
@@ -22,6 +25,15 @@ SHORTEST = 1.0
 
 BLOCK, TYPICAL, WORST = 0.5, 1.5, 6.0
 """s of the blocks whose means judge the polyline; their rms and their largest size, in standard deviations."""
+
+SPANS = (0.6, 2.0, 6.0)
+"""s over which a torque that is no polyline is smoothed by cubics, where it follows them."""
+
+CUBIC_CENTRE = 2.25
+"""Variance of the centre of a fitted cubic over that of the mean of its samples."""
+
+SCATTERS, AGREE = 3.0, 4.0
+"""Standard deviations within which samples scatter about a cubic, and cubics of different length agree."""
 
 PASSES = 5
 RIDGE = 1e-10
@@ -58,9 +70,8 @@ def polyline(values: Floats, smoothed: Floats, side: int, period: float) -> Floa
     rest = values
     for _ in range(ROUNDS):
         # what corners add to second differences is gone once a first polyline has been taken off
-        memory = _memory(rest, period)
-        noise = noise_variance(rest, period) / _second_difference(memory, 1)
-        knots = _knots(smoothed, (TOLERANCE_COLOURED if memory else TOLERANCE) * np.sqrt(noise))
+        noise, memory = _noise(rest, period)
+        knots = _knots_of(smoothed, noise, memory)
         if not noise.all() or len(knots) > min(n * period / SHORTEST + 2, MOST_KNOTS):
             return None
         line = _placed(values, np.array(knots, dtype=float))
@@ -74,6 +85,38 @@ def polyline(values: Floats, smoothed: Floats, side: int, period: float) -> Floa
     sizes = np.abs(means) / np.sqrt(np.maximum(variance, 1e-300))
     good = np.sqrt(np.mean(sizes**2)) <= TYPICAL and sizes.max(initial=0.0) <= WORST
     return line if good else None
+
+
+def curve(values: Floats, smoothed: Floats, side: int, period: float) -> Floats:
+    """Give `smoothed` (n,) with less noise wherever `values` follow a cubic over longer than `side` on either side.
+
+    A longer cubic counts where the samples scatter about it no more than their noise, and where it agrees with the
+    shorter one.
+    """
+    noise, memory = _noise(values, period)
+    found, least = smoothed.copy(), noise * _of_mean(memory, 2 * side + 1)
+    short = np.sqrt(noise * _of_mean(memory, 4 * side + 1))
+    for width in (2 * round(0.5 * span / period) + 1 for span in SPANS):
+        if not 4 * side < width <= values.size:
+            continue
+        cubic = savgol_filter(values, width, 3)
+        scatter = uniform_filter1d((values - cubic) ** 2, width)
+        variance = CUBIC_CENTRE * noise * _of_mean(memory, width)
+        good = scatter <= noise * (1.0 + SCATTERS * math.sqrt(2.0 / width))
+        good &= np.abs(uniform_filter1d(cubic - smoothed, 4 * side + 1)) <= AGREE * short
+        good &= variance < least
+        found[good], least[good] = cubic[good], variance[good]
+    return found
+
+
+def _noise(values: Floats, period: float) -> tuple[Floats, float]:
+    """Give the variance of the noise around every sample, (n,), and the correlation of neighbouring samples."""
+    memory = _memory(values, period)
+    return noise_variance(values, period) / _second_difference(memory, 1), memory
+
+
+def _knots_of(smoothed: Floats, noise: Floats, memory: float) -> list[int]:
+    return _knots(smoothed, (TOLERANCE_COLOURED if memory else TOLERANCE) * np.sqrt(np.maximum(noise, 1e-300)))
 
 
 def noise_variance(values: Floats, period: float) -> Floats:

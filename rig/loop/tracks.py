@@ -17,7 +17,7 @@ from scipy.signal import savgol_filter
 
 from rig.config.dut import Dut, Rotation
 from rig.log.run import ProcedureName, Run
-from rig.loop.polyline import noise_variance, polyline
+from rig.loop.polyline import curve, noise_variance, polyline
 from rig.loop.ripple import Ripple, speed_ripple
 
 Floats = NDArray[np.float64]
@@ -318,8 +318,12 @@ def _swept(values: Floats | None, period: float) -> tuple[Floats | None, Floats 
         return None, None
     side = round(PLAY_SIDE / period)
     smoothed = _corners_kept(values, side)
-    line = polyline(values, smoothed, side, period) if smoothed is not values else None
-    return (_smooth(values, period, SPRING_SIDES), smoothed) if line is None else (line, line)
+    if smoothed is values:
+        return _smooth(values, period, SPRING_SIDES), values
+    line = polyline(values, smoothed, side, period)
+    if line is not None:
+        return line, line
+    return _smooth(values, period, SPRING_SIDES), curve(values, smoothed, side, period)
 
 
 def _corners_kept(values: Floats, side: int) -> Floats:
