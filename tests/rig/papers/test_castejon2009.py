@@ -115,6 +115,9 @@ def test_the_figures_show_what_the_paper_says_of_them(outcomes):
     assert obtained(outcomes["Fig. 10"], "crossings") == pytest.approx(2.0, rel=0.05)
     assert obtained(outcomes["Fig. 11"], "bound") < PRINTED_ACCURACY
     assert obtained(outcomes["Fig. 3"], "modulations") == 2.0
+    (curve,) = outcomes["Fig. 3"].figures[""].axes[0].lines
+    largest = float(np.max(np.abs(np.asarray(curve.get_ydata()))))
+    assert obtained(outcomes["Fig. 3"], "largest error") == pytest.approx(1e-6 * largest)
     lines = outcomes["Fig. 9"].figures[""].axes[0].lines
     spans = [float(np.ptp(np.asarray(line.get_ydata()))) for line in lines]
     assert len(spans) == 4
