@@ -1,4 +1,4 @@
-"""Equations (1)-(5) and figure 3: ideal motion, the kinematic error and its parts."""
+"""Equations (1)-(5), figures 2 and 3: ideal motion, the kinematic error and its parts."""
 
 import math
 
@@ -30,6 +30,21 @@ def ideal(_: Workbench) -> Outcome:
             ),
             Row(f"{flexspline}, flexspline fixed", N + 1, speed_ratio(N, Member.FLEXSPLINE), "", "", "eq. (2)"),
             Row("power in less power out", 0.0, surplus, "W", "any two members driven", "eq. (3)"),
+        )
+    )
+
+
+def mechanism(_: Workbench) -> Outcome:
+    """Turn the wave generator once, as figure 2 shows it, and count teeth."""
+    N = paper_transmission().ratio
+    half, whole = (
+        2.0 * N * ideal_motion(N, wave_generator=turn, circular_spline=0.0).flexspline for turn in (0.5, 1.0)
+    )
+    note = f"of its {2.0 * N:g}, by (1)"
+    return Outcome(
+        (
+            Row("teeth by which the flexspline falls behind in half a turn", 1.0, -half, "", note),
+            Row("teeth by which it falls behind in a turn", 2.0, -whole, "", note),
         )
     )
 

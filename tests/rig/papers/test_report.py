@@ -111,7 +111,10 @@ def test_figures_results_and_table_are_written(tmp_path):
     assert json.loads(results.read_text()) == json.loads(json.dumps(to_json([done])))
     assert json.loads(results.read_text())["items"][0]["rows"][0]["obtained"] == 1.23456789
     assert table.read_text() == to_markdown([done])
-    assert cells(done, done.outcome.rows[0]) == ("one2001", "Fig. 1", "width [rad]", "2", "1.235", "a | b")
+    again = "rig papers one2001/fig1"
+    assert cells(done, done.outcome.rows[0]) == ("one2001", "Fig. 1", "width [rad]", "2", "1.235", "a | b", again)
     assert cells(done, done.outcome.rows[1])[1:5] == ("eq. (7)", "name", "-", "found")
+    assert json.loads(results.read_text())["items"][0]["rows"][0]["command"] == again
+    assert f"| `{again}` |" in table.read_text()
     assert "a \\| b" in table.read_text()
     assert "![An example](one2001-fig-1.png)" in table.read_text()
