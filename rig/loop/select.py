@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rig.loop.aliases import aliases, beats, likeliest, samplings
+from rig.loop.aliases import aliases, beats, counts_pass, likeliest, samplings
 from rig.loop.compliance_form import other_compliance
 from rig.loop.contenders import by_joint_fit
 from rig.loop.equations import Equation, Piece
@@ -55,6 +55,9 @@ NESTED: Mapping[str, tuple[str, ...]] = {"rate-dependent-hysteresis": ("creep", 
 
 LEAST_START_ANGLES = 4
 """Start angles without which a locked sweep cannot tell an angle error from a torque-shaped one."""
+
+COUNTS = {"motor_position": "encoder_counts", "output_position": "output_encoder_counts"}
+"""Which of the device's parameters holds the counts per revolution of an angle."""
 
 NOT_EVERYWHERE = "it does not show under every condition that should show it"
 
@@ -193,7 +196,13 @@ def _shapes(ground: Ground, known: Mapping[str, float], least: float) -> list[Sh
     table = ground.fit.model.table
     stiffness = float(table.centre()[table.names.index("K_F0")])
     scales = scales_of(ground.fit.linear, {**known, "stiffness": stiffness})
-    return shape_trials(ground, scales, least)
+    counts = {signal: known[name] for signal, name in COUNTS.items() if name in known}
+    swept = [item for item in ground.fit.linear if item.piece.equation is Equation.TORSION]
+    return [
+        item
+        for item in shape_trials(ground, scales, least)
+        if not any(counts_pass(frequency, swept, counts) for frequency in item.term.frequencies)
+    ]
 
 
 def _judge_shape(
