@@ -42,5 +42,5 @@ EFFECT = Effect(
         "current-sensor-offset",
         "gravity-load",
     ),
-    separated_by="both directions (half-sum and half-difference); a ladder of currents at the same angles",
+    separated_by="both directions (half-sum and half-difference); a ladder of loads at the same angles",
 )

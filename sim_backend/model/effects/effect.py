@@ -117,8 +117,10 @@ class Effect:
     `memory`: how many numbers the effect remembers, all zero before the first call, which starts at the equilibrium of
     its signals; `step`: s since the last call, above 0.
     `reads`: the signal whose reading it changes (READING only, else empty).
-    `variable` and `shape` say what it depends on and how; `shows` names the procedures that show it, `confusable` the
-    ids it can be taken for and `separated_by` the experiment that tells them apart. `parameters` are in order.
+    `variable` and `shape` say what it depends on and how; `shows` names the procedures that show it, with the condition
+    if there is one: `(loaded)`, a free run under a load torque; `(fast)`, a sweep far above 4 N*m/s; `(warming up)`, a
+    temperature that moves. `confusable` are the ids it can be taken for and `separated_by` the experiment that tells
+    them apart. `parameters` are in order.
     """
 
     id: str

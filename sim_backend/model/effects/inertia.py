@@ -33,7 +33,7 @@ EFFECT = Effect(
     amplitudes=(),
     function=inertia,
     energy=Energy.CONSERVATIVE,
-    shows=("free-run", "locked-output"),
+    shows=("free-run", "locked-output (fast)"),
     confusable=("kinematic-error", "structural-resonance"),
-    separated_by="ramps at several accelerations; a ladder of speeds, as its share grows with the square of the speed",
+    separated_by="ramps at several accelerations: it is gone at constant speed",
 )

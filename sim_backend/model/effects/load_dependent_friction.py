@@ -29,7 +29,7 @@ EFFECT = Effect(
     amplitudes=("amplitude",),
     function=load_dependent_friction,
     energy=Energy.DISSIPATIVE,
-    shows=("free-run", "backdrive", "locked-output"),
+    shows=("free-run (loaded)", "backdrive", "locked-output"),
     confusable=(
         "torque-constant-error",
         "torque-sensor-gain",

@@ -2,9 +2,10 @@
 
     output_position reads x more:  x'' + 2 damping w x' + w^2 x = amplitude * w * output_torque'',  w = 2 pi frequency
 
-A jump of the torque's rate by 1 N*m/s starts a decaying sine of size `amplitude`. Between two calls the torque runs
-straight, so that its second derivative is a kick at each call and x swings freely in between, which is solved exactly.
-Starts at rest. Source: linear vibration of one mode.
+output_torque is the transducer's: where it stays the same, as in a free run, nothing rings. A jump of its rate by
+1 N*m/s starts a decaying sine of size `amplitude`. Between two calls the torque runs straight, so that its second
+derivative is a kick at each call and x swings freely in between, which is solved exactly. Starts at rest.
+Source: linear vibration of one mode.
 """
 
 import math
@@ -48,9 +49,9 @@ EFFECT = Effect(
     amplitudes=("amplitude",),
     function=structural_resonance,
     energy=Energy.NONE,
-    shows=("free-run", "locked-output"),
+    shows=("locked-output", "backdrive"),
     confusable=("kinematic-error", "inertia"),
-    separated_by="a ladder of speeds: orders move with the speed, a resonance stays at its frequency",
+    separated_by="sweeps at several rates: the ringing after a reversal keeps its frequency, orders move with the rate",
     memory=5,
     reads="output_position",
 )

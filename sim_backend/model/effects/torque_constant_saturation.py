@@ -29,8 +29,8 @@ EFFECT = Effect(
     amplitudes=("amplitude",),
     function=torque_constant_saturation,
     energy=Energy.NONE,
-    shows=("locked-output", "free-run"),
+    shows=("locked-output", "free-run (loaded)"),
     confusable=("flexspline-compliance", "load-dependent-friction"),
-    separated_by="torque sensor and a ladder of currents",
+    separated_by="torque sensor and a ladder of loads, and so of currents",
     reads="motor_torque",
 )

@@ -33,7 +33,7 @@ EFFECT = Effect(
     amplitudes=("amplitude",),
     function=torque_ripple,
     energy=Energy.ACTIVE,
-    shows=("free-run", "locked-output"),
+    shows=("free-run (loaded)", "locked-output"),
     confusable=("cogging",),
-    separated_by="a ladder of currents at the same angles",
+    separated_by="a ladder of loads, and so of currents, at the same angles",
 )
