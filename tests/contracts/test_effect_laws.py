@@ -124,7 +124,9 @@ def test_units_and_ranges_are_sane(effect: Effect):
     names = [p.name for p in effect.parameters]
     assert len(set(names)) == len(names)
     for p in effect.parameters:
-        assert p.low <= p.typical <= p.high
+        usual_low, usual_high = p.usual
+        assert p.low <= usual_low <= p.typical <= usual_high <= p.high, p.name
+        assert usual_low < usual_high
         assert p.low < p.high
         assert all(math.isfinite(value) for value in (p.low, p.typical, p.high))
         assert set(re.findall(r"[A-Za-z]+|1", re.sub(r"\^\d", "", p.unit))) <= UNIT_WORDS, p.unit

@@ -27,9 +27,11 @@ EFFECT = Effect(
     shape=Shape.STATIC,
     unit="rad",
     parameters=(
-        Parameter("amplitude", "rad", 0.0, 1.0, 1e-3, "half of the gap, at the motor"),
-        Parameter("contact", "N*m", 1e-6, 10.0, 1e-3, "torque that closes the gap, at the motor", known=True),
-        Parameter("ratio", "1", 1.0, 1e4, 100.0, "gear ratio", known=True),
+        Parameter("amplitude", "rad", 0.0, 1.0, 1e-3, (1e-4, 1e-2), "half of the gap, at the motor"),
+        Parameter(
+            "contact", "N*m", 1e-6, 10.0, 1e-3, (1e-4, 1e-2), "torque that closes the gap, at the motor", known=True
+        ),
+        Parameter("ratio", "1", 1.0, 1e4, 100.0, (30.0, 320.0), "gear ratio", known=True),
     ),
     amplitudes=("amplitude",),
     function=backlash,

@@ -38,9 +38,9 @@ EFFECT = Effect(
     shape=Shape.LAG,
     unit="rad",
     parameters=(
-        Parameter("amplitude", "1", 0.0, 10.0, 0.03, "share of the elastic torsion that comes late"),
-        Parameter("time_constant", "s", 0.0, 1e6, 20.0, "time in which 63 % of it have come"),
-        Parameter("stiffness", "N*m/rad", 1e-3, 1e9, 8336.0, "K_F0 of the flexspline", known=True),
+        Parameter("amplitude", "1", 0.0, 10.0, 0.03, (0.01, 0.05), "share of the elastic torsion that comes late"),
+        Parameter("time_constant", "s", 0.0, 1e6, 20.0, (1.0, 100.0), "time in which 63 % of it have come"),
+        Parameter("stiffness", "N*m/rad", 1e-3, 1e9, 8336.0, (5e3, 2e4), "K_F0 of the flexspline", known=True),
     ),
     amplitudes=("amplitude",),
     function=creep,

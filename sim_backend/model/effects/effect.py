@@ -88,8 +88,10 @@ class Energy(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One parameter: unit, physically possible range, and its typical size on a size-17, ratio-100 drive.
+    """One parameter: unit, physically possible range, its typical size and usual range on a size-17, ratio-100 drive.
 
+    `usual`: where the value is expected to lie, a working range that is not verified. It comes from the same reference
+    as the law, or is derived as the effect's `source` says.
     `known`: not estimated in a fit but taken from the device, the bench or the conditions (a ratio, a reference
     temperature, a count).
     """
@@ -99,6 +101,7 @@ class Parameter:
     low: float
     high: float
     typical: float
+    usual: tuple[float, float]
     meaning: str
     known: bool = False
 

@@ -26,8 +26,8 @@ EFFECT = Effect(
     shape=Shape.HYSTERETIC,
     unit="rad",
     parameters=(
-        Parameter("amplitude", "rad/(N*m)", 0.0, 1.0, 5e-6, "compliance while it slips"),
-        Parameter("radius", "N*m", 0.0, 1e5, 2.0, "torque at which it slips"),
+        Parameter("amplitude", "rad/(N*m)", 0.0, 1.0, 5e-6, (1e-6, 1e-5), "compliance while it slips"),
+        Parameter("radius", "N*m", 0.0, 1e5, 2.0, (1.0, 5.0), "torque at which it slips"),
     ),
     amplitudes=("amplitude",),
     function=maxwell_slip,

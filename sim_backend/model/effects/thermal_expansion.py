@@ -32,15 +32,17 @@ EFFECT = Effect(
     id="thermal-expansion",
     summary="mount and drive turn against each other as they warm up",
     equation="torsion += amplitude * (lag(temperature; time_constant) - reference)",
-    source="thermal expansion of mount and drive",
+    source="thermal expansion of mount and drive; usual time_constant derived: from the drive alone to drive and mount",
     enters=Enters.TORSION,
     variable="temperature",
     shape=Shape.LAG,
     unit="rad",
     parameters=(
-        Parameter("amplitude", "rad/K", -1e-2, 1e-2, 3e-6, "angle per kelvin"),
-        Parameter("time_constant", "s", 0.0, 1e6, 300.0, "time in which the mount follows the drive by 63 %"),
-        Parameter("reference", "degC", -273.15, 1e3, 25.0, "temperature without it", known=True),
+        Parameter("amplitude", "rad/K", -1e-2, 1e-2, 3e-6, (1e-6, 1e-5), "angle per kelvin"),
+        Parameter(
+            "time_constant", "s", 0.0, 1e6, 300.0, (60.0, 1200.0), "time in which the mount follows the drive by 63 %"
+        ),
+        Parameter("reference", "degC", -273.15, 1e3, 25.0, (15.0, 30.0), "temperature without it", known=True),
     ),
     amplitudes=("amplitude",),
     function=thermal_expansion,
