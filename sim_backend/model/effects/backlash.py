@@ -7,6 +7,7 @@ and stands on the side that this torque presses on; `contact` is the torque at w
 with the wave generator: it takes no energy. In a locked sweep it is crossed with the sign of the torque, in a free run
 with the direction of turning, whose friction presses it, and a bias torque keeps it closed.
 Source: Oldham and key couplings, dead zone.
+Left out: a loose coupling of the encoder, a loop of the reading against motion.
 """
 
 from sim_backend.model.effects.effect import Effect, Energy, Enters, Parameter, Shape

@@ -5,6 +5,7 @@
 Before the first call the torque was what it is then. The past is kept in a ring of samples, spread over the delay where
 it has more steps than the ring has places (256), and read by straight lines in between. The step must stay the same.
 Source: transport delay of buses, filters and unequal clocks.
+Left out: clocks that run apart, and other channels than the torque.
 """
 
 import math

@@ -6,6 +6,7 @@
 The play starts at rest without torque. Backdrive is the same law from the other side, motor_torque =
 play(output_torque / ratio; T_fb / ratio), which equals equation (36) with its sign and inequality corrected; in a free
 run it is a torque against the speed. Source: Zhang, Ahmad & Liu 2014, figures 4 to 6 and equation (36).
+Left out: a backdriving torque that is not the ratio times the starting torque.
 """
 
 from sim_backend.model.effects.effect import Effect, Energy, Enters, Memory, Parameter, Shape

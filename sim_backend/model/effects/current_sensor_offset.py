@@ -3,6 +3,7 @@
     motor_torque reads torque_constant * amplitude more        N*m at the motor; amplitude in A
 
 Source: current-sensor data sheets.
+Left out: ripple of offsets and unequal gains of the phases.
 """
 
 from sim_backend.model.effects.effect import Effect, Energy, Enters, Parameter, Shape

@@ -5,6 +5,7 @@
 Events come at random times, `rate` of them per second on average (exponential waiting times); the first call has none.
 The same seed gives the same events, whatever the step: Lehmer's generator x -> 16807 x mod (2^31 - 1), which is exact
 in double precision. Source: Park & Miller, Commun. ACM 31 (1988) 1192-1201 for the generator.
+Left out: the output encoder.
 """
 
 import math

@@ -4,6 +4,7 @@
 
 order: the line count for an offset of sine or cosine, twice it for unequal gain or phase. Source: Heydemann, Appl. Opt.
 20 (1981) 3382-3384.
+Left out: the motor encoder.
 """
 
 import math

@@ -3,6 +3,7 @@
     motor_torque = J * motor_acceleration        N*m at the motor, J = J_m + J_wg
 
 Source: Castejon, Garcia-Prada & Lara 2009, equations (9) and (15) (with J_wg, which (15) drops).
+Left out: the inertia of the output, behind the flexspline's spring.
 """
 
 from typing import TypeVar

@@ -3,6 +3,7 @@
     friction += amplitude * sin(order * motor_position + phase)        N*m at the motor
 
 It flips with the direction, unlike cogging. Source: friction maps of geared drives.
+Left out: orders of the output angle.
 """
 
 import math

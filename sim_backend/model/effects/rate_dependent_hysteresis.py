@@ -5,6 +5,7 @@
 
 The lag is exact for a torque that runs straight between two calls and starts settled; the play starts at rest without
 torque. Source: Maxwell slip (Iwan 1966) behind a viscous layer.
+Left out: a level that grows with the logarithm of the torque's rate.
 """
 
 import math

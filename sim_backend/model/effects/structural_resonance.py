@@ -6,6 +6,7 @@ output_torque is the transducer's: where it stays the same, as in a free run, no
 1 N*m/s starts a decaying sine of size `amplitude`. Between two calls the torque runs straight, so that its second
 derivative is a kick at each call and x swings freely in between, which is solved exactly. Starts at rest.
 Source: linear vibration of one mode.
+Left out: a frame that the motor or an order of the gear shakes in a free run.
 """
 
 import math

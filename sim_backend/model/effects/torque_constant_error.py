@@ -4,6 +4,7 @@
 
 The fit absorbs it: K_w0' = (1 + amplitude) K_w0, C_w' = C_w / (1 + amplitude), and T_fs, T_c, b scale alike. Magnets
 that warm up lower the true constant. Source: motor data sheets (tolerance of k_t).
+Left out: magnets that warm up.
 """
 
 from sim_backend.model.effects.effect import Effect, Energy, Enters, Parameter, Shape

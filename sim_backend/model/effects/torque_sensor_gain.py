@@ -3,6 +3,7 @@
     output_torque reads amplitude * output_torque more        N*m at the output
 
 The fit absorbs it exactly: K_F0' = (1 + amplitude) K_F0, C_F' = C_F / (1 + amplitude). Source: transducer data sheets.
+Left out: a sensitivity that moves with the temperature.
 """
 
 from sim_backend.model.effects.effect import Effect, Energy, Enters, Parameter, Shape

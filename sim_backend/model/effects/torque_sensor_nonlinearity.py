@@ -3,6 +3,7 @@
     output_torque reads even * x^2 + odd * x^3 more,  x = output_torque / full_scale        N*m at the output
 
 Source: transducer data sheets (0.05 to 0.1 % of full scale).
+Left out: a loop of the transducer.
 """
 
 from sim_backend.model.effects.effect import Effect, Energy, Enters, Parameter, Shape
