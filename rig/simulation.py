@@ -16,8 +16,9 @@ from rig.loop.model_file import Model, ModelEffect
 from rig.loop.shapes import ShapeTerm, named_effect
 from rig.loop.terms import Entry, Line, TermClass, is_line, periodic_effects
 from rig.operator import Answered
-from sim_backend.errors import ModelError
+from sim_backend.errors import ModelError, ParameterError
 from sim_backend.model.effects import CATALOGUE, ActiveEffect, Effect
+from sim_backend.model.estimation import LOSS, PIECEWISE, flexspline_from_catalogue
 from sim_backend.model.parameters import HarmonicDrive, PlantConfig
 from sim_backend.nodes.bench import LOAD_DRIVE, MOTOR_DRIVE, OUTPUT_ENCODER, TORQUE_TRANSDUCER
 from sim_backend.nodes.communication import CanopenNode
@@ -159,17 +160,16 @@ def _catalogue_mistakes(dut: Dut) -> Iterator[Mistake]:
     values = _catalogue(dut)
     caps: dict[str, Any] = {field.name: field.default for field in fields(PlantConfig)}
     K1, K2, T1, T2 = (values[name] for name in ("K1", "K2", "T1", "T2"))
-    highest = K1 * ((T1 + T2) / T1) ** 2
-    if T2 <= T1:
-        yield _keys(dut, "T1", "T2", rule="T2 must be larger than T1 (N*m)")
-    elif not K1 < K2 < highest:
-        rule = f"K2 must be above K1 and, with T1 = {T1:g} N*m and T2 = {T2:g} N*m, below {highest:.4g} N*m/rad"
-        yield _keys(dut, "K1", "K2", rule=rule)
+    try:
+        flexspline_from_catalogue(K1, K2, T1, T2)
+    except ParameterError as error:
+        of = ("T1", "T2") if error.name in ("T1", "T2") else ("K1", "K2")
+        yield _keys(dut, *of, rule=f"{error.name} {error.rule}")
     if caps["flexspline_stiffness_cap"] <= K1:
-        yield _keys(dut, "K1", rule=f"must be below {caps['flexspline_stiffness_cap']:g} N*m/rad")
+        yield _keys(dut, "K1", rule=f"must be below {caps['flexspline_stiffness_cap']:g} N*m/rad; {PIECEWISE} needs it")
     most = 0.5 * caps["wave_generator_stiffness_cap"] * values["ratio"] * values["hysteresis_loss"]
     if values["starting_torque"] >= most:
-        rule = f"starting_torque must be below {most:.4g} N*m with this ratio and hysteresis loss"
+        rule = f"starting_torque must be below {most:.4g} N*m with this ratio and hysteresis loss; {LOSS} needs it"
         yield _keys(dut, "starting_torque", "hysteresis_loss", "ratio", rule=rule)
 
 

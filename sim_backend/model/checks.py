@@ -1,11 +1,12 @@
 """Checks of numbers that a model is made of: possible or refused with the equation that needs them."""
 
 import math
+from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import ArrayLike
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
-from sim_backend.errors import ModelError
+from sim_backend.errors import ParameterError
 
 
 def require(
@@ -19,7 +20,7 @@ def require(
     high: float = math.inf,
     below: float = math.inf,
 ) -> None:
-    """Raise ModelError unless `value` is finite, >= low, > above, <= high, < below; `equation` says what needs it."""
+    """Raise ParameterError unless `value` is finite, >= low, > above, <= high, < below; `equation` needs it."""
     if math.isfinite(value) and above < value < below and low <= value <= high:
         return
     limits = (("at least", low), ("above", above), ("at most", high), ("below", below))
@@ -27,14 +28,15 @@ def require(
     bounds = f"{_listed(wanted)} {unit}".rstrip() if wanted else "finite"
     if not math.isfinite(value) and wanted:
         bounds = f"finite{', ' if len(wanted) > 1 else ' and '}{bounds}"
-    shown = f"{name} = {value!r} {unit}".rstrip()
-    raise ModelError(f"{shown} is not possible: it must be {bounds}; {equation} needs it.")
+    raise ParameterError(name, value, unit, f"must be {bounds}; {equation} needs it")
 
 
 def require_all(
-    name: str, values: ArrayLike, unit: str, equation: str, *, low: float = -math.inf, above: float = -math.inf
+    name: str, values: "ArrayLike", unit: str, equation: str, *, low: float = -math.inf, above: float = -math.inf
 ) -> None:
-    """Raise ModelError as `require` for the first of `values` that is not possible, with its place if it has one."""
+    """Raise ParameterError as `require` for the first of `values` that is not possible, with its place if any."""
+    import numpy as np  # heavy, and single numbers do without it
+
     array = np.asarray(values, dtype=np.float64)
     wrong = ~(np.isfinite(array) & (array >= low) & (array > above))
     if not wrong.any():

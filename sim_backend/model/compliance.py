@@ -31,6 +31,7 @@ from sim_backend.errors import ModelError
 from sim_backend.model.checks import require
 from sim_backend.model.effects.flexspline_compliance import flexspline_compliance
 from sim_backend.model.effects.wave_generator_compliance import wave_generator_compliance
+from sim_backend.model.estimation import check_torques
 
 Floats = NDArray[np.float64]
 
@@ -65,8 +66,7 @@ def check_piecewise(K1: float, K2: float, K3: float, T1: float, T2: float) -> No
     """Raise ModelError for parameters that the law (11) cannot have."""
     for name, stiffness in (("K1", K1), ("K2", K2), ("K3", K3)):
         require(name, stiffness, "N*m/rad", "f = T/K1 up to T1, Zhang (11),", above=0.0)
-    require("T1", T1, "N*m", "f = T/K1 up to T1, Zhang (11),", above=0.0)
-    require("T2", T2, "N*m", "f = T1/K1 + (T - T1)/K2 from T1 to T2, Zhang (11),", above=T1)
+    check_torques(T1, T2)
 
 
 def flexspline_torsion(torque: Floats, K_F0: float, C_F: float) -> Floats:

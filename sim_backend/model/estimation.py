@@ -10,7 +10,10 @@ import math
 from sim_backend.model.checks import require
 
 _STIFFENING = "C_F = 2 sqrt((K2 - K1)/(K1 (T1+T2)^2 - K2 T1^2)), Zhang (32),"
-_LOSS = "K_w0 = 2 T_fs/(N Psi), Zhang (33),"
+LOSS = "K_w0 = 2 T_fs/(N Psi), Zhang (33),"
+PIECEWISE = "f = T1/K1 + (T - T1)/K2 from T1 to T2, Zhang (11),"
+"""What needs the catalogue's torques and stiffnesses, whatever law is fitted."""
+
 _CUBIC = "T = a1 f + a3 f^3, Zhang (10),"
 
 
@@ -33,9 +36,9 @@ def wave_generator_from_tests(ratio: float, hysteresis_loss: float, starting_tor
     hysteresis_loss: rad at the output; starting_torque: N*m at the motor. (33) put into (35) gives
     C_w = 1/starting_torque, whatever the loss.
     """
-    require("hysteresis_loss", hysteresis_loss, "rad", _LOSS, above=0.0)
-    require("ratio", ratio, "", _LOSS, low=1.0)
-    require("starting_torque", starting_torque, "N*m", _LOSS, above=0.0)
+    require("hysteresis_loss", hysteresis_loss, "rad", LOSS, above=0.0)
+    require("ratio", ratio, "", LOSS, low=1.0)
+    require("starting_torque", starting_torque, "N*m", LOSS, above=0.0)
     return 2.0 * starting_torque / (ratio * hysteresis_loss), 1.0 / starting_torque
 
 
@@ -78,7 +81,12 @@ def _cubic_stiffness(torque: float, a1: float, a3: float) -> float:
     return a1 * (1.0 + 4.0 * math.sinh(math.asinh(1.5 * torque / (a1 * size)) / 3.0) ** 2)
 
 
-def _demand_catalogue(K1: float, T1: float, T2: float, equation: str) -> None:
-    require("K1", K1, "N*m/rad", equation, above=0.0)
+def check_torques(T1: float, T2: float, equation: str = PIECEWISE) -> None:
+    """Raise ParameterError unless the torques at which the catalogue's stiffness changes (N*m) are in order."""
     require("T1", T1, "N*m", equation, above=0.0)
     require("T2", T2, "N*m", equation, above=T1)
+
+
+def _demand_catalogue(K1: float, T1: float, T2: float, equation: str) -> None:
+    require("K1", K1, "N*m/rad", equation, above=0.0)
+    check_torques(T1, T2, equation)

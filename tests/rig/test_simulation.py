@@ -27,10 +27,14 @@ def refused(*lines: str) -> ConfigError:
         ("rated_torque = 1e9", "gear.rated_torque", "4.295e+06 N*m"),
         ("rated_torque = 1e-9", "gear.rated_torque", "0.001"),
         ("torque_constant = 1e-9", "motor.torque_constant", "4.295e+06 A"),
-        ("starting_torque = 1e9", "gear.starting_torque, gear.hysteresis_loss, gear.ratio", "below 9 N*m"),
+        (
+            "starting_torque = 1e9",
+            "gear.starting_torque, gear.hysteresis_loss, gear.ratio",
+            "below 9 N*m with this ratio and hysteresis loss; K_w0 = 2 T_fs/(N Psi), Zhang (33),",
+        ),
         ("hysteresis_loss = 1e-9", "gear.starting_torque, gear.hysteresis_loss, gear.ratio", "below 5e-05 N*m"),
-        ("K1 = 1e-3", "gear.K1, gear.K2", "below 0.01662 N*m/rad"),
-        ("K2 = 1", "gear.K1, gear.K2", "below 1.396e+05 N*m/rad"),
+        ("K1 = 1e-3", "gear.K1, gear.K2", "below 0.0166213 N*m/rad; C_F = 2 sqrt"),
+        ("K2 = 1", "gear.K1, gear.K2", "below 139619 N*m/rad; C_F = 2 sqrt"),
     ],
 )
 def test_a_drive_that_cannot_be_is_refused_by_the_duts_keys_with_the_limit(line, paths, limit):
@@ -47,6 +51,7 @@ def test_a_value_that_was_assumed_is_called_so():
 def test_torques_out_of_order_by_assumption_are_named():
     (mistake,) = refused("T1 = 20", "T2").mistakes
     assert mistake.path == "gear.T1, gear.T2"
+    assert mistake.rule.startswith("T2 must be above 20 N*m; C_F = 2 sqrt")
 
 
 def test_all_values_that_cannot_be_are_named_at_once():
