@@ -225,6 +225,17 @@ class PlantConfig:
                 return Compliance.PIECEWISE
 
     @property
+    def stiffness_at_rest(self) -> float:
+        """The flexspline's stiffness without torque, N*m/rad, after its own law."""
+        match self.flexspline:
+            case None:
+                return self.drive.K_F0
+            case Cubic(a1):
+                return a1
+            case Piecewise(K1):
+                return K1
+
+    @property
     def motor_inertia(self) -> float:
         """Rotor and wave generator together, kg*m^2."""
         return self.rotor_inertia + self.wave_generator_inertia
