@@ -18,7 +18,7 @@ from sim_backend.errors import ModelError
 from sim_backend.model.checks import require, require_all
 from sim_backend.model.compiler import load
 from sim_backend.model.effects.coulomb_friction import coulomb_friction
-from sim_backend.model.source import function_source
+from sim_backend.model.source import function_source, operators_of
 
 Floats = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ _LOOP = """
 @compiled
 def over_arrays(outputs, inputs, radii, memory):
     for i in range(len(outputs)):
-        outputs[i] = play(inputs[i], 1.0, memory, radii[i], 1.0)
+        outputs[i] = through_the_mesh(inputs[i], 1.0, memory, radii[i], 1.0)
 """
 
 
@@ -85,6 +85,8 @@ def _check_series(name: str, values: Floats, unit: str, equation: str) -> None:
 
 @cache
 def _compiled_loop() -> Callable[[Floats, Floats, Floats, Floats], None]:
-    module: Any = load("The play operator", function_source(coulomb_friction, "play") + "\n\n" + _LOOP)
+    parts = [operators_of([coulomb_friction]), function_source(coulomb_friction, "through_the_mesh"), _LOOP]
+    body = "\n\n".join(parts)
+    module: Any = load("The play operator", body)
     loop: Callable[[Floats, Floats, Floats, Floats], None] = module.over_arrays
     return loop

@@ -10,12 +10,12 @@ Left out: a backdriving torque that is not the ratio times the starting torque.
 """
 
 from sim_backend.model.effects.effect import Effect, Energy, Enters, Memory, Parameter, Shape
+from sim_backend.model.effects.operators import play
 
 
 def coulomb_friction(motor_torque: float, step: float, memory: Memory, T_fs: float, ratio: float) -> float:
     """Give the torque that gets through the mesh, N*m at the output. memory: the play."""
-    through, radius = ratio * motor_torque, ratio * T_fs
-    memory[0] = min(max(memory[0], through - radius), through + radius)
+    memory[0] = play(memory[0], ratio * motor_torque, ratio * T_fs)
     return memory[0]
 
 

@@ -6,9 +6,8 @@ lag(u; tau): tau dx/dt + x = u, solved exactly for a torque that runs straight b
 side by side (Kelvin-Voigt), in series with the base model's springs. Source: linear viscoelasticity.
 """
 
-import math
-
 from sim_backend.model.effects.effect import Effect, Energy, Enters, Memory, Parameter, Shape
+from sim_backend.model.effects.operators import lag
 
 
 def creep(
@@ -17,13 +16,7 @@ def creep(
     """Angle added to the torsion, rad. memory: the lagging torque, the torque before, started."""
     if memory[2] == 0.0:
         memory[0], memory[1], memory[2] = output_torque, output_torque, 1.0
-    if time_constant > 0.0:
-        part = step / time_constant
-        settled = -math.expm1(-part)
-        rise = output_torque - memory[1]
-        memory[0] += settled * (memory[1] - memory[0]) + (1.0 - settled / part) * rise
-    else:
-        memory[0] = output_torque
+    memory[0] = lag(memory[0], memory[1], output_torque, step, time_constant)
     memory[1] = output_torque
     return amplitude * memory[0] / stiffness
 

@@ -2,8 +2,8 @@
 
 The function's arguments are signals by name (`motor_position`, `output_torque`, ...), then, for an effect that
 remembers, `step` and `memory`, then the effect's parameters by name; it returns what the effect adds. It is plain
-scalar code that numba can compile and uses nothing but its arguments, `math` and builtins. Only the base terms are in
-the plant in another form: the inverses of their springs, a rim that slides, equations of motion.
+scalar code that numba can compile and uses nothing but its arguments, `math`, builtins and the shared `operators`. Only
+the base terms are in the plant in another form: the inverses of their springs, a rim that slides, equations of motion.
 """
 
 import inspect

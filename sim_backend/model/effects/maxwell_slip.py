@@ -8,11 +8,12 @@ loop: the class can be identified, the name cannot. Source: Iwan, J. Appl. Mech.
 """
 
 from sim_backend.model.effects.effect import Effect, Energy, Enters, Memory, Parameter, Shape
+from sim_backend.model.effects.operators import play
 
 
 def maxwell_slip(output_torque: float, step: float, memory: Memory, amplitude: float, radius: float) -> float:
     """Angle added to the torsion, rad. memory: the play."""
-    memory[0] = min(max(memory[0], output_torque - radius), output_torque + radius)
+    memory[0] = play(memory[0], output_torque, radius)
     return amplitude * memory[0]
 
 

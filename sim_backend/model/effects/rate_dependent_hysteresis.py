@@ -8,9 +8,8 @@ torque. Source: Maxwell slip (Iwan 1966) behind a viscous layer.
 Left out: a level that grows with the logarithm of the torque's rate.
 """
 
-import math
-
 from sim_backend.model.effects.effect import Effect, Energy, Enters, Memory, Parameter, Shape
+from sim_backend.model.effects.operators import lag, play
 
 
 def rate_dependent_hysteresis(
@@ -19,15 +18,9 @@ def rate_dependent_hysteresis(
     """Angle added to the torsion, rad. memory: the lagging torque, the torque before, the play, started."""
     if memory[3] == 0.0:
         memory[0], memory[1], memory[3] = output_torque, output_torque, 1.0
-    if time_constant > 0.0:
-        part = step / time_constant
-        settled = -math.expm1(-part)
-        rise = output_torque - memory[1]
-        memory[0] += settled * (memory[1] - memory[0]) + (1.0 - settled / part) * rise
-    else:
-        memory[0] = output_torque
+    memory[0] = lag(memory[0], memory[1], output_torque, step, time_constant)
     memory[1] = output_torque
-    memory[2] = min(max(memory[2], memory[0] - radius), memory[0] + radius)
+    memory[2] = play(memory[2], memory[0], radius)
     return amplitude * memory[2]
 
 

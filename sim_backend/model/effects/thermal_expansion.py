@@ -6,9 +6,8 @@ lag(u; tau): tau dx/dt + x = u, solved exactly for a temperature that runs strai
 settled. No torque enters. Source: thermal expansion with the mount's own time constant.
 """
 
-import math
-
 from sim_backend.model.effects.effect import Effect, Energy, Enters, Memory, Parameter, Shape
+from sim_backend.model.effects.operators import lag
 
 
 def thermal_expansion(
@@ -17,13 +16,7 @@ def thermal_expansion(
     """Angle added to the torsion, rad. memory: the lagging temperature, the temperature before, started."""
     if memory[2] == 0.0:
         memory[0], memory[1], memory[2] = temperature, temperature, 1.0
-    if time_constant > 0.0:
-        part = step / time_constant
-        settled = -math.expm1(-part)
-        rise = temperature - memory[1]
-        memory[0] += settled * (memory[1] - memory[0]) + (1.0 - settled / part) * rise
-    else:
-        memory[0] = temperature
+    memory[0] = lag(memory[0], memory[1], temperature, step, time_constant)
     memory[1] = temperature
     return amplitude * (memory[0] - reference)
 

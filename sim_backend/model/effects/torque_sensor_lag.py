@@ -7,22 +7,15 @@ For slow ramps -time_constant times the torque's rate. Solved exactly for a torq
 starts settled. Source: first-order low-pass.
 """
 
-import math
-
 from sim_backend.model.effects.effect import Effect, Energy, Enters, Memory, Parameter, Shape
+from sim_backend.model.effects.operators import lag
 
 
 def torque_sensor_lag(output_torque: float, step: float, memory: Memory, time_constant: float) -> float:
     """Torque added to the reading, N*m. memory: the lagging torque, the torque before, started."""
     if memory[2] == 0.0:
         memory[0], memory[1], memory[2] = output_torque, output_torque, 1.0
-    if time_constant > 0.0:
-        part = step / time_constant
-        settled = -math.expm1(-part)
-        rise = output_torque - memory[1]
-        memory[0] += settled * (memory[1] - memory[0]) + (1.0 - settled / part) * rise
-    else:
-        memory[0] = output_torque
+    memory[0] = lag(memory[0], memory[1], output_torque, step, time_constant)
     memory[1] = output_torque
     return memory[0] - output_torque
 
