@@ -20,6 +20,9 @@ from sim_backend.model.kernel import plant_kernel
 from sim_backend.model.parameters import PlantConfig
 from sim_backend.ports import AxisMode, PlantReading
 
+STIFFNESS_APART = 2.0
+"""Factor by which the stiffness that an effect is given may differ from that of the drive's flexspline at rest."""
+
 _NOISE_BLOCK = 1024
 """Readings whose noise is drawn at once."""
 
@@ -288,11 +291,21 @@ class Plant:
 
 
 def _check_known(effects: Sequence[ActiveEffect], config: PlantConfig) -> None:
-    """Raise ModelError if an effect was given another ratio or torque constant than the bench has."""
+    """Raise ModelError if an effect was given another ratio, torque constant or stiffness than the bench has.
+
+    The stiffness may differ by a factor of STIFFNESS_APART: what is fitted often is not what a catalogue says.
+    """
     own = {"ratio": config.drive.ratio, "torque_constant": config.torque_constant}
+    at_rest = config.stiffness_at_rest
     for active in effects:
         for parameter, value in zip(active.effect.parameters, active.values, strict=True):
             name = parameter.name
+            if parameter.known and name == "stiffness" and abs(math.log(value / at_rest)) > math.log(STIFFNESS_APART):
+                raise ModelError(
+                    f"{active.effect.id}: stiffness = {value!r} {parameter.unit} contradicts the drive, which has "
+                    f"{at_rest:.6g} {parameter.unit} at rest: between {at_rest / STIFFNESS_APART:.6g} and "
+                    f"{at_rest * STIFFNESS_APART:.6g} {parameter.unit}; {active.effect.equation} needs it."
+                )
             if parameter.known and name in own and not math.isclose(value, own[name], rel_tol=1e-9):
                 raise ModelError(
                     f"{active.effect.id}: {name} = {value!r} {parameter.unit} contradicts the bench, which has "

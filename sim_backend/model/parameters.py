@@ -7,7 +7,13 @@ from typing import Self
 
 from sim_backend.errors import ModelError
 from sim_backend.model.checks import require
-from sim_backend.model.compliance import Compliance
+from sim_backend.model.compliance import (
+    Compliance,
+    check_cubic,
+    check_flexspline,
+    check_piecewise,
+    check_wave_generator,
+)
 from sim_backend.model.estimation import flexspline_from_catalogue, wave_generator_from_tests
 
 
@@ -37,10 +43,8 @@ class HarmonicDrive:
 
     def __post_init__(self) -> None:
         require("ratio", self.ratio, "", "theta_w = -N theta_F, Zhang (4),", low=1.0)
-        require("K_F0", self.K_F0, "N*m/rad", "K_FL = K_F0 (1 + (C_F T_F)^2), Zhang (22),", above=0.0)
-        require("C_F", self.C_F, "1/(N*m)", "f(T_F) = arctan(C_F T_F)/(C_F K_F0), Zhang (24),", above=0.0)
-        require("K_w0", self.K_w0, "N*m/rad", "K_wL = K_w0 exp(C_w |T_w|), Zhang (25),", above=0.0)
-        require("C_w", self.C_w, "1/(N*m)", "g(T_w) = (1 - exp(-C_w |T_w|))/(C_w K_w0), Zhang (27),", above=0.0)
+        check_flexspline(self.K_F0, self.C_F)
+        check_wave_generator(self.K_w0, self.C_w)
         require("friction_torque", self.friction_torque, "N*m", _RIM, low=0.0)
         require("viscous_friction", self.viscous_friction, "N*m*s", _RIM, low=0.0)
 
@@ -85,8 +89,7 @@ class Cubic:
     a3: float
 
     def __post_init__(self) -> None:
-        require("a1", self.a1, "N*m/rad", "T = a1 f + a3 f^3, Zhang (10),", above=0.0)
-        require("a3", self.a3, "N*m/rad^3", "T = a1 f + a3 f^3, Zhang (10), which must not fall,", low=0.0)
+        check_cubic(self.a1, self.a3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,10 +103,7 @@ class Piecewise:
     T2: float
 
     def __post_init__(self) -> None:
-        for name in ("K1", "K2", "K3"):
-            require(name, getattr(self, name), "N*m/rad", "f = T/K1 up to T1, Zhang (11),", above=0.0)
-        require("T1", self.T1, "N*m", "f = T/K1 up to T1, Zhang (11),", above=0.0)
-        require("T2", self.T2, "N*m", "f = T1/K1 + (T - T1)/K2 from T1 to T2, Zhang (11),", above=self.T1)
+        check_piecewise(self.K1, self.K2, self.K3, self.T1, self.T2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +165,7 @@ class PlantConfig:
     winding_resistance: float | None = None
 
     def __post_init__(self) -> None:
-        if self.rotation is not Rotation.OPPOSED:
+        if self.rotation != Rotation.OPPOSED:
             raise ModelError(
                 f"rotation = {str(self.rotation)!r}: the simulated bench turns its output against the motor only. "
                 f"Use 'opposed', or mirror the motor's signals before they reach the model."
@@ -223,6 +223,17 @@ class PlantConfig:
                 return Compliance.CUBIC
             case Piecewise():
                 return Compliance.PIECEWISE
+
+    @property
+    def stiffness_at_rest(self) -> float:
+        """The flexspline's stiffness without torque, N*m/rad, after its own law."""
+        match self.flexspline:
+            case None:
+                return self.drive.K_F0
+            case Cubic(a1):
+                return a1
+            case Piecewise(K1):
+                return K1
 
     @property
     def motor_inertia(self) -> float:

@@ -129,3 +129,9 @@ def test_a_step_that_the_stiffest_spring_does_not_allow_is_refused_with_the_body
 def test_the_drive_loops_run_on_whole_steps():
     with pytest.raises(ModelError, match=r"loop_period = 0.0001 s must be a whole multiple of step = 1.5e-05"):
         PlantConfig(DRIVE, step=1.5e-5)
+
+
+def test_the_rotation_may_be_given_by_its_name():
+    assert PlantConfig(DRIVE, rotation="opposed").rotation == Rotation.OPPOSED
+    with pytest.raises(ModelError, match="rotation = 'same'"):
+        PlantConfig(DRIVE, rotation="same")
