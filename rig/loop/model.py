@@ -55,8 +55,11 @@ LEAST_LOAD = 0.05
 LEAST_LEVEL = 1e-3
 """Share of the base level of friction that is left whatever is taken from it."""
 
-LEVEL_PASSES = 3
-"""Rounds in which a friction takes up the torque that grows with it, and a current the reading that it makes."""
+LEVEL_PASSES, SETTLED = 40, 1e-6
+"""Rounds at most in which a friction takes up the torque that grows with it, and the relative change that ends them."""
+
+READING_PASSES = 3
+"""Rounds in which a current takes up the reading that it makes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -288,7 +291,9 @@ def _locked(track: Track, model: Model) -> Evaluation:
         radius = N * _radius(model.value("T_fs"), added.friction(signals), track.fine)
         held = _held_by_mesh(added.angle(signals), path.output, model)
         path = play_path(N * (drive - against) + np.repeat(held, track.fine), radius, track.fine)
-        signals = _loaded(signals, path.output - held)
+        before, signals = signals["output_torque"], _loaded(signals, path.output - held)
+        if np.abs(signals["output_torque"] - before).max(initial=0.0) <= SETTLED * np.abs(before).max(initial=0.0):
+            break
     stand_in = path.output - held
     ones = np.ones(track.size)
     slipped, last = path.slip >= 0, np.maximum(path.slip, 0)
@@ -309,7 +314,7 @@ def _motor_reading(track: Track, added: Added, signals: dict[str, Floats], torqu
     """
     signals["motor_torque"] = torque
     reading = torque + added.motor(signals)
-    for _ in range(LEVEL_PASSES if added.shapes and track.torque_constant is not None else 1):
+    for _ in range(READING_PASSES if added.shapes and track.torque_constant is not None else 1):
         if track.torque_constant is not None:
             signals["motor_current"] = reading / track.torque_constant
             reading = torque + added.motor(signals)
