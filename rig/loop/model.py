@@ -289,7 +289,7 @@ def _locked(track: Track, model: Model) -> Evaluation:
     for _ in range(LEVEL_PASSES if model.lines or model.shapes else 0):
         against = np.repeat(added.motor(signals), track.fine)
         radius = N * _radius(model.value("T_fs"), added.friction(signals), track.fine)
-        held = _held_by_mesh(added.angle(signals), path.output, model)
+        held = _held_by_mesh(added.behind_mesh(signals), path.output, model)
         path = play_path(N * (drive - against) + np.repeat(held, track.fine), radius, track.fine)
         before, signals = signals["output_torque"], _loaded(signals, path.output - held)
         if np.abs(signals["output_torque"] - before).max(initial=0.0) <= SETTLED * np.abs(before).max(initial=0.0):
