@@ -10,6 +10,7 @@ from drivers.clock import VirtualClock
 from drivers.errors import ConfigError, Mistake
 from rig.bench import Bench
 from rig.config.bench import SIMULATED, BenchFile, Device, Lock
+from rig.config.catalogue import beyond_limits
 from rig.config.dut import Dut, Rotation, default_dut
 from rig.loop.frames import turned, turned_shape
 from rig.loop.model_file import Model, ModelEffect
@@ -156,6 +157,10 @@ def _drive_mistakes(bench: BenchFile, dut: Dut) -> Iterator[Mistake]:
 
 def _catalogue_mistakes(dut: Dut) -> Iterator[Mistake]:
     """Name the catalogue values from which no drive can be estimated, in the dut's keys."""
+    beyond = list(beyond_limits(dut))
+    if beyond:
+        yield from beyond
+        return
     values = _catalogue(dut)
     caps: dict[str, Any] = {field.name: field.default for field in fields(PlantConfig)}
     K1, K2, T1, T2 = (values[name] for name in ("K1", "K2", "T1", "T2"))

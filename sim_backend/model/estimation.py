@@ -8,15 +8,17 @@ whose constants a1 and a3 the paper leaves "to be determined", alike.
 import math
 
 from sim_backend.errors import ModelError
+from sim_backend.model import limits
+from sim_backend.model.limits import require_numbers, require_within
 
 
 def flexspline_from_catalogue(K1: float, K2: float, T1: float, T2: float) -> tuple[float, float]:
     """Give K_F0 (N*m/rad) and C_F (1/(N*m)) of the arctan law; (31), (32), the solution of (29) and (30).
 
     K1, K2: N*m/rad; T1, T2: N*m. The paper prints C_F = 0.089 for its drive: (32) with its leading 2 applied twice.
-    Raises ModelError unless all are positive, T1 < T2 and K1 < K2 < K1 ((T1+T2)/T1)^2.
+    Raises ModelError unless all are within `limits.CATALOGUE`, T1 < T2 and K1 < K2 < K1 ((T1+T2)/T1)^2.
     """
-    _demand_catalogue(K1, T1, T2, "(32)")
+    _demand_catalogue(K1, K2, T1, T2, "(32)")
     outer = (T1 + T2) ** 2
     _demand("K2", K2, "N*m/rad", K1, K1 * outer / T1**2, "(32)")
     K_F0 = K1 + (K1 - K2) * T1**2 / (outer - T1**2)
@@ -27,10 +29,10 @@ def wave_generator_from_tests(ratio: float, hysteresis_loss: float, starting_tor
     """Give K_w0 (N*m/rad at the motor) and C_w (1/(N*m)) of the wave generator; (33), (35).
 
     hysteresis_loss: rad at the output; starting_torque: N*m at the motor. (33) put into (35) gives
-    C_w = 1/starting_torque, whatever the loss.
+    C_w = 1/starting_torque, whatever the loss. Raises ModelError if a value is not within `limits.CATALOGUE`.
     """
-    _demand("hysteresis_loss", hysteresis_loss, "rad", 0.0, math.inf, "(33)")
-    _demand("starting_torque", starting_torque, "N*m", 0.0, math.inf, "(33)")
+    values = {"ratio": ratio, "hysteresis_loss": hysteresis_loss, "starting_torque": starting_torque}
+    require_within(limits.CATALOGUE, values)
     return 2.0 * starting_torque / (ratio * hysteresis_loss), 1.0 / starting_torque
 
 
@@ -39,10 +41,10 @@ def cubic_from_catalogue(K1: float, K2: float, T1: float, T2: float) -> tuple[fl
 
     The paper does not say how it found them. Here the local stiffness dT/dtorsion is K1 at T1/2 and K2 at (T1+T2)/2,
     as (29) and (30) demand of the arctan law, so that both laws know the same of the drive.
-    Raises ModelError unless all are positive, T1 < T2 and K1 < K2 < K1 ((T1+T2)/T1)^(2/3): a cubic without a linear
-    part stiffens by as much.
+    Raises ModelError unless all are within `limits.CATALOGUE`, T1 < T2 and K1 < K2 < K1 ((T1+T2)/T1)^(2/3): a cubic
+    without a linear part stiffens by as much.
     """
-    _demand_catalogue(K1, T1, T2, "(10)")
+    _demand_catalogue(K1, K2, T1, T2, "(10)")
     low, high = 0.5 * T1, 0.5 * (T1 + T2)
     _demand("K2", K2, "N*m/rad", K1, K1 * (high / low) ** (2.0 / 3.0), "(10)")
 
@@ -73,9 +75,9 @@ def _cubic_stiffness(torque: float, a1: float, a3: float) -> float:
     return a1 * (1.0 + 4.0 * math.sinh(math.asinh(1.5 * torque / (a1 * size)) / 3.0) ** 2)
 
 
-def _demand_catalogue(K1: float, T1: float, T2: float, equation: str) -> None:
-    _demand("K1", K1, "N*m/rad", 0.0, math.inf, equation)
-    _demand("T1", T1, "N*m", 0.0, math.inf, equation)
+def _demand_catalogue(K1: float, K2: float, T1: float, T2: float, equation: str) -> None:
+    require_numbers(limits.CATALOGUE, {"K2": K2})
+    require_within(limits.CATALOGUE, {"K1": K1, "T1": T1, "T2": T2})
     _demand("T2", T2, "N*m", T1, math.inf, equation)
 
 

@@ -1,14 +1,16 @@
 """Parameters of the harmonic drive and of the simulated bench, with the checks that keep them physical."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import StrEnum
 from typing import Self
 
 from sim_backend.errors import ModelError
+from sim_backend.model import limits
 from sim_backend.model.checks import require
 from sim_backend.model.compliance import Compliance
 from sim_backend.model.estimation import flexspline_from_catalogue, wave_generator_from_tests
+from sim_backend.model.limits import require_within
 
 
 class Rotation(StrEnum):
@@ -36,13 +38,7 @@ class HarmonicDrive:
     viscous_friction: float = 0.0
 
     def __post_init__(self) -> None:
-        require("ratio", self.ratio, "", "theta_w = -N theta_F, Zhang (4),", low=1.0)
-        require("K_F0", self.K_F0, "N*m/rad", "K_FL = K_F0 (1 + (C_F T_F)^2), Zhang (22),", above=0.0)
-        require("C_F", self.C_F, "1/(N*m)", "f(T_F) = arctan(C_F T_F)/(C_F K_F0), Zhang (24),", above=0.0)
-        require("K_w0", self.K_w0, "N*m/rad", "K_wL = K_w0 exp(C_w |T_w|), Zhang (25),", above=0.0)
-        require("C_w", self.C_w, "1/(N*m)", "g(T_w) = (1 - exp(-C_w |T_w|))/(C_w K_w0), Zhang (27),", above=0.0)
-        require("friction_torque", self.friction_torque, "N*m", _RIM, low=0.0)
-        require("viscous_friction", self.viscous_friction, "N*m*s", _RIM, low=0.0)
+        require_within(limits.DRIVE, _numbers(self))
 
     @classmethod
     def from_catalogue(
@@ -63,7 +59,6 @@ class HarmonicDrive:
         starting_torque: N*m at the motor. See `estimation` for what the paper printed otherwise.
         Raises ModelError if a value is out of range or no drive has these stiffnesses.
         """
-        require("ratio", ratio, "", "K_w0 = 2 T_fs/(N Psi), Zhang (33),", low=1.0)
         K_F0, C_F = flexspline_from_catalogue(K1, K2, T1, T2)
         K_w0, C_w = wave_generator_from_tests(ratio, hysteresis_loss, starting_torque)
         return cls(
@@ -85,8 +80,7 @@ class Cubic:
     a3: float
 
     def __post_init__(self) -> None:
-        require("a1", self.a1, "N*m/rad", "T = a1 f + a3 f^3, Zhang (10),", above=0.0)
-        require("a3", self.a3, "N*m/rad^3", "T = a1 f + a3 f^3, Zhang (10), which must not fall,", low=0.0)
+        require_within(limits.CUBIC, _numbers(self))
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,9 +94,7 @@ class Piecewise:
     T2: float
 
     def __post_init__(self) -> None:
-        for name in ("K1", "K2", "K3"):
-            require(name, getattr(self, name), "N*m/rad", "f = T/K1 up to T1, Zhang (11),", above=0.0)
-        require("T1", self.T1, "N*m", "f = T/K1 up to T1, Zhang (11),", above=0.0)
+        require_within(limits.PIECEWISE, _numbers(self))
         require("T2", self.T2, "N*m", "f = T1/K1 + (T - T1)/K2 from T1 to T2, Zhang (11),", above=self.T1)
 
 
@@ -170,14 +162,9 @@ class PlantConfig:
                 f"rotation = {str(self.rotation)!r}: the simulated bench turns its output against the motor only. "
                 f"Use 'opposed', or mirror the motor's signals before they reach the model."
             )
-        for name, (unit, equation) in _POSITIVE.items():
-            require(name, getattr(self, name), unit, equation, above=0.0)
-        for name, (unit, equation) in _NOT_NEGATIVE.items():
-            require(name, getattr(self, name), unit, equation, low=0.0)
-        for name in ("temperature", "motor_temperature", "ambient_temperature"):
-            require(name, getattr(self, name), "degC", _THERMAL, low=-273.15)
-        if self.winding_resistance is not None:
-            require("winding_resistance", self.winding_resistance, "ohm", "the heat R i^2 of the motor", low=0.0)
+        self._check_parts()
+        without = ("winding_resistance",) if self.winding_resistance is None else ()
+        require_within(limits.BENCH, _numbers(self, *_PARTS, *without))
         self._check_caps()
         ticks = self.loop_period / self.step
         if round(ticks) < 1 or not math.isclose(ticks, round(ticks), rel_tol=1e-9):
@@ -186,6 +173,16 @@ class PlantConfig:
                 f"it is {ticks:g} steps."
             )
         self._check_step()
+
+    def _check_parts(self) -> None:
+        """Raise ModelError if drive or flexspline is something else."""
+        if not isinstance(self.drive, HarmonicDrive):
+            raise ModelError(f"drive = {self.drive!r} is not possible: a bench needs a HarmonicDrive.")
+        if not isinstance(self.flexspline, Cubic | Piecewise | None):
+            raise ModelError(
+                f"flexspline = {self.flexspline!r} is not possible: it must be None (the drive's own law, Zhang (24)), "
+                f"Cubic (10) or Piecewise (11)."
+            )
 
     def _check_caps(self) -> None:
         """Raise ModelError if a spring is stiffer at rest than the stiffness up to which its law is followed."""
@@ -230,44 +227,10 @@ class PlantConfig:
         return self.rotor_inertia + self.wave_generator_inertia
 
 
-_RIM = "|T_F + N T_w| = friction_torque + N^2 viscous_friction |v| of the sliding rim"
-_MOTOR = "(J_m + J_wg) dw/dt = sum of torques"
-_OUTPUT = "J_l dw/dt = sum of torques"
-_FIXTURE = "the fixture's torque K_fix theta + damping"
-_LOOPS = "the simulated drive"
-_THERMAL = "C dtheta/dt = power - (theta - ambient)/R"
-_NOISE = "the white noise of a reading"
+_PARTS = ("drive", "rotation", "flexspline")
+"""What of a bench is no number."""
 
-_POSITIVE = {
-    "rotor_inertia": ("kg*m^2", _MOTOR),
-    "output_inertia": ("kg*m^2", _OUTPUT),
-    "fixture_stiffness": ("N*m/rad", _FIXTURE),
-    "torque_constant": ("N*m/A", "motor_torque = k_t i"),
-    "motor_rated_torque": ("N*m", _LOOPS),
-    "load_rated_torque": ("N*m", _LOOPS),
-    "motor_speed_limit": ("rad/s", _LOOPS),
-    "load_speed_limit": ("rad/s", _LOOPS),
-    "current_loop_time": ("s", _LOOPS),
-    "loop_period": ("s", _LOOPS),
-    "step": ("s", "the integration"),
-    "gear_heat_capacity": ("J/K", _THERMAL),
-    "gear_thermal_resistance": ("K/W", _THERMAL),
-    "motor_heat_capacity": ("J/K", _THERMAL),
-    "motor_thermal_resistance": ("K/W", _THERMAL),
-}
-_NOT_NEGATIVE = {
-    "wave_generator_inertia": ("kg*m^2", _MOTOR),
-    "rotor_friction": ("N*m", _MOTOR),
-    "rotor_viscous_friction": ("N*m*s", _MOTOR),
-    "output_viscous_friction": ("N*m*s", _OUTPUT),
-    "wave_generator_damping": ("N*m*s/rad", "T_w = g^-1(theta) + damping"),
-    "flexspline_damping": ("N*m*s/rad", "T_F = f^-1(theta) + damping"),
-    "fixture_damping": ("N*m*s/rad", _FIXTURE),
-    "output_torque_noise": ("N*m", _NOISE),
-    "motor_torque_noise": ("N*m", _NOISE),
-    "load_torque_noise": ("N*m", _NOISE),
-    "motor_angle_noise": ("rad", _NOISE),
-    "output_angle_noise": ("rad", _NOISE),
-    "motor_velocity_noise": ("rad/s", _NOISE),
-    "load_velocity_noise": ("rad/s", _NOISE),
-}
+
+def _numbers(parameters: HarmonicDrive | Cubic | Piecewise | PlantConfig, *without: str) -> dict[str, object]:
+    """Give the parameters that must be numbers, by name."""
+    return {f.name: getattr(parameters, f.name) for f in fields(parameters) if f.name not in without}
