@@ -12,6 +12,9 @@ from sim_backend.model.compliance import Compliance
 from sim_backend.model.estimation import flexspline_from_catalogue, wave_generator_from_tests
 from sim_backend.model.limits import require_within
 
+DAMPING_SHARE = 0.9
+"""Part of the step's stability limit that springs and dampers of a body together may use."""
+
 
 class Rotation(StrEnum):
     """Whether the output turns against the wave generator or with it."""
@@ -199,16 +202,36 @@ class PlantConfig:
         require("flexspline_stiffness_cap", self.flexspline_stiffness_cap, "N*m/rad", law, above=at_rest)
 
     def _check_step(self) -> None:
-        """Raise ModelError if the stiffest spring with the lightest body swings too fast for the step."""
-        motor = math.sqrt(self.motor_inertia / self.wave_generator_stiffness_cap)
-        output = math.sqrt(self.output_inertia / (self.flexspline_stiffness_cap + self.fixture_stiffness))
-        if self.step > min(motor, output):
-            body, inertia = ("motor", self.motor_inertia) if motor < output else ("output", self.output_inertia)
-            raise ModelError(
-                f"step = {self.step:g} s is too long for the {body} inertia of {inertia:g} kg*m^2 on its springs: "
-                f"at most {min(motor, output):.3g} s. Use a shorter step (loop_period must stay a whole multiple), "
-                f"a larger {body} inertia or lower stiffness caps."
-            )
+        """Raise ModelError if a body swings too fast on its springs, or is damped too strongly, for the step."""
+        on_motor = ("rotor_viscous_friction", "wave_generator_damping")
+        on_output = ("output_viscous_friction", "flexspline_damping", "fixture_damping")
+        on_flange = self.flexspline_stiffness_cap + self.fixture_stiffness
+        self._check_body("motor", self.motor_inertia, self.wave_generator_stiffness_cap, on_motor)
+        self._check_body("output", self.output_inertia, on_flange, on_output)
+
+    def _check_body(self, body: str, inertia: float, stiffness: float, dampers: tuple[str, ...]) -> None:
+        """Raise ModelError if the step is too long for an inertia with all that can act on it at once.
+
+        With w = h^2 K/J and z = h d/J a step h is stable up to z + w/4 = 1: a damper takes the speed extrapolated to
+        the end of the step.
+        """
+        damping = sum(getattr(self, name) for name in dampers)
+        on_springs = math.sqrt(inertia / stiffness)
+        # the root of z + w/4 = DAMPING_SHARE, in the form that takes no difference
+        rate, square = damping / inertia, stiffness / inertia
+        damped = 2.0 * DAMPING_SHARE / (rate + math.sqrt(rate**2 + square * DAMPING_SHARE))
+        if self.step <= min(on_springs, damped):
+            return
+        if on_springs <= damped:
+            cause, remedy = "on its springs", "lower stiffness caps"
+        else:
+            named = ", ".join(f"{name} = {getattr(self, name):g}" for name in dampers if getattr(self, name) > 0.0)
+            cause, remedy = f"with its dampers ({named} N*m*s/rad)", "less damping"
+        raise ModelError(
+            f"step = {self.step:g} s is too long for the {body} inertia of {inertia:g} kg*m^2 {cause}: "
+            f"at most {min(on_springs, damped):.4g} s. Use a shorter step (loop_period must stay a whole multiple), "
+            f"a larger {body} inertia or {remedy}."
+        )
 
     @property
     def law(self) -> Compliance:

@@ -126,7 +126,7 @@ def test_the_other_rotation_sense_is_refused_with_a_way_out():
 
 
 def test_a_step_that_the_stiffest_spring_does_not_allow_is_refused_with_the_body_and_the_limit():
-    with pytest.raises(ModelError, match=r"output inertia of 0.0001 .* at most 1.83e-05 s"):
+    with pytest.raises(ModelError, match=r"output inertia of 0.0001 .* at most 1.826e-05 s"):
         PlantConfig(DRIVE, output_inertia=1e-4)
     with pytest.raises(ModelError, match=r"motor inertia of 8e-07"):
         PlantConfig(DRIVE, rotor_inertia=1e-7, wave_generator_inertia=7e-7, wave_generator_stiffness_cap=1e4)
@@ -219,3 +219,19 @@ def test_a_catalogue_of_absurd_values_is_refused_by_name(name, value):
 def test_a_part_of_another_kind_is_refused(name, value):
     with pytest.raises(ModelError, match=rf"{name} = "):
         dataclasses.replace(BENCH, **{name: value})
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "rotor_viscous_friction",
+        "wave_generator_damping",
+        "output_viscous_friction",
+        "flexspline_damping",
+        "fixture_damping",
+    ],
+)
+def test_a_damper_too_strong_for_the_step_is_refused_with_the_body_the_damping_and_the_longest_step(name):
+    body = "motor" if name in ("rotor_viscous_friction", "wave_generator_damping") else "output"
+    with pytest.raises(ModelError, match=rf"{body} inertia .* dampers \(.*{name} = 60.* at most .* less damping"):
+        PlantConfig(DRIVE, **{name: 60.0})
