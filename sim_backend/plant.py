@@ -16,6 +16,7 @@ from sim_backend.model import springs, stepper
 from sim_backend.model.compiler import has_numba
 from sim_backend.model.compliance import Compliance
 from sim_backend.model.constants import derive
+from sim_backend.model.effect_bounds import check_effects
 from sim_backend.model.effects import ActiveEffect
 from sim_backend.model.kernel import plant_kernel
 from sim_backend.model.parameters import PlantConfig
@@ -124,7 +125,7 @@ class PlantTruth(NamedTuple):
 class Plant:
     """A bench in simulated time; sense `opposed`. Implements `sim_backend.ports.PlantPort`.
 
-    Raises ModelError if the plant cannot have an effect, or an effect assumes another bench than `config`.
+    Raises ModelError if the plant cannot have an effect, or this bench not these effects (`model.effect_bounds`).
     It starts at rest without torque, motor at angle zero, both drives off, output free. `effects` are active for the
     plant's life. `seed` fixes the instruments' noise. `compiled=False` runs the same source as plain Python.
     """
@@ -134,7 +135,7 @@ class Plant:
     ) -> None:
         self.config = config
         self.effects = tuple(effects)
-        _check_known(self.effects, config)
+        check_effects(self.effects, config)
         _check_seed(seed)
         self._kernel = plant_kernel(self.effects, config.law, compiled=compiled)
         self._derived = derive(config)
@@ -353,20 +354,6 @@ class Plant:
             return 0.0
         stretch = float(self._state[stepper.OUTPUT_POSITION] - self._inputs[stepper.LOCK_POSITION])
         return 0.5 * self.config.fixture_stiffness * stretch**2
-
-
-def _check_known(effects: Sequence[ActiveEffect], config: PlantConfig) -> None:
-    """Raise ModelError if an effect was given another ratio or torque constant than the bench has."""
-    own = {"ratio": config.drive.ratio, "torque_constant": config.torque_constant}
-    for active in effects:
-        for parameter, value in zip(active.effect.parameters, active.values, strict=True):
-            name = parameter.name
-            if parameter.known and name in own and not math.isclose(value, own[name], rel_tol=1e-9):
-                unit = "" if parameter.unit == "1" else f" {parameter.unit}"
-                raise ModelError(
-                    f"{active.effect.id}: {name} = {value!r}{unit} contradicts the bench, which has "
-                    f"{own[name]!r}{unit}; {active.effect.equation} needs the same."
-                )
 
 
 def _check_seed(seed: object) -> None:
