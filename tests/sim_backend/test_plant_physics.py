@@ -292,6 +292,50 @@ def test_without_friction_and_dampers_the_plant_keeps_its_energy(flexspline):
     assert np.mean(rows.stored[-500:]) == pytest.approx(np.mean(rows.stored[:500]), rel=1e-6)
 
 
+# ---- the soft zone at zero torque: a spring of its own, whose energy is known in closed form
+
+
+SOFT = CATALOGUE["soft-windup"]
+ENDS = [(p.low, p.high) for p in SOFT.parameters]
+
+
+def held_by_the_zone(torque: float, amplitude: float, zone: float) -> float:
+    """Integral of the torque over the angle that it adds, J."""
+    size = abs(torque) / zone
+    return amplitude * (abs(torque) * math.tanh(size) - zone * (size - math.log(2.0) + math.log1p(math.exp(-2 * size))))
+
+
+def elastic_torque(now: PlantTruth, amplitude: float, zone: float) -> float:
+    """Give the torque (N*m) in flexspline and zone for their common windup, without the flexspline's damper."""
+    windup = now.output_position - now.rim_position
+    low, high = -100.0, 100.0
+    for _ in range(80):
+        torque = 0.5 * (low + high)
+        torsion = math.atan(DRIVE.C_F * torque) / (DRIVE.C_F * DRIVE.K_F0)
+        low, high = (torque, high) if torsion + amplitude * math.tanh(torque / zone) < windup else (low, torque)
+    return 0.5 * (low + high)
+
+
+@pytest.mark.parametrize("locked", [True, False], ids=["locked", "free"])
+@pytest.mark.parametrize("torque", [0.5, 2.0, 8.0])
+@pytest.mark.parametrize("zone", [*ENDS[1], 0.03, 0.1, 1.0])
+@pytest.mark.parametrize("amplitude", [3e-5, 1e-3, ENDS[0][1]])
+def test_a_released_plant_never_heats_more_than_its_springs_and_its_soft_zone_hold(amplitude, zone, torque, locked):
+    plant = Plant(CONFIG, [ActiveEffect(SOFT, (amplitude, zone))])
+    plant.set_lock(locked)
+    axis, target = ("motor", torque / 100.0) if locked else ("load", torque)
+    plant.command(axis, AxisMode.TORQUE, target)
+    plant.advance_to(0.06)
+    plant.command(axis, AxisMode.OFF, 0.0)
+    plant.advance_to(0.063)  # 30 time constants of the current loop
+    released = plant.truth()
+    held = released.stored + held_by_the_zone(elastic_torque(released, amplitude, zone), amplitude, zone)
+    plant.advance_to(0.5)
+    ended = plant.truth()
+    assert ended.work == pytest.approx(released.work, abs=1e-9 * held)
+    assert ended.heat - released.heat <= held * (1.0 + 2e-4)
+
+
 # ---- energy over any run
 
 
