@@ -242,7 +242,9 @@ def demo(
 def papers(
     names: Annotated[
         list[str] | None,
-        typer.Argument(metavar="NAME...", help="A paper or an item, such as zhang2014 or fig12; default: all."),
+        typer.Argument(
+            metavar="NAME...", help="A paper or a part of one: zhang2014, fig12, castejon2009/eq35; default: all."
+        ),
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Shorter experiments; coarser figures.")] = False,
     out: Out = Path("runs/papers"),

@@ -19,7 +19,7 @@ from procedures.intents import Result
 from procedures.plan import BenchFacts, PlannedRun, Procedure
 from rig.bench import Bench
 from rig.config.bench import ROLES, SIGNED_SIGNALS, BenchFile, Lock
-from rig.config.dut import Dut, Rotation
+from rig.config.dut import Dut, Gear, Rotation
 from rig.log.names import writable_folder
 from rig.log.run import RunEvent
 from rig.log.writer import LogWriter
@@ -108,7 +108,7 @@ def bench_facts(bench: Bench, dut: Dut) -> BenchFacts:
     """
     gear, limits = dut.gear, bench.config.limits.frozen()
     missing = [
-        Mistake(f"gear.{name}", None, "missing; the procedures scale their torques and speeds by it")
+        Mistake(f"gear.{name}", None, f"missing; it scales torques and speeds of the procedures: {Gear.wanted(name)}")
         for name in ("ratio", "rated_torque")
         if getattr(gear, name) is None
     ]

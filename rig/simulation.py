@@ -17,8 +17,9 @@ from rig.loop.model_file import Model, ModelEffect
 from rig.loop.shapes import ShapeTerm, named_effect
 from rig.loop.terms import Entry, Line, TermClass, is_line, periodic_effects
 from rig.operator import Answered
-from sim_backend.errors import ModelError, NotFiniteError
+from sim_backend.errors import ModelError, NotFiniteError, ParameterError
 from sim_backend.model.effects import CATALOGUE, ActiveEffect, Effect
+from sim_backend.model.estimation import LOSS, PIECEWISE, flexspline_from_catalogue
 from sim_backend.model.parameters import HarmonicDrive, PlantConfig
 from sim_backend.nodes.bench import LOAD_DRIVE, MOTOR_DRIVE, OUTPUT_ENCODER, TORQUE_TRANSDUCER
 from sim_backend.nodes.communication import CanopenNode
@@ -40,6 +41,9 @@ DRIVE_MARGIN = 1.175
 
 LOAD_MOTOR_INERTIA = 5e-3
 """Rotor of the simulated load drive, kg*m^2, rigidly on the output."""
+
+SUBDIVISION = "encoder-subdivision-error"
+"""Effect whose order is the line count of the output encoder, or twice it."""
 
 VISCOUS_SHARE = 0.01
 """Assumed viscous friction at the motor, N*m*s/rad per N*m of starting torque: 1.2e-4 N*m*s for 12 mN*m."""
@@ -124,6 +128,7 @@ def simulate(
     try:
         config = revise(_plant_config(bench, dut, model, assumed))
         active = (*(effects_of_model(model, assumed) if model is not None else ()), *effects)
+        _check_encoders(active, dut)
         plant = Plant(config, active, seed=secrets.randbits(31) if seed is None else seed)
         nodes = tuple(_node(role, device, plant, dut) for role, device in bench.devices.items())
     except (ModelError, OverflowError) as error:
@@ -188,17 +193,16 @@ def _catalogue_mistakes(dut: Dut) -> Iterator[Mistake]:
     values = _catalogue(dut)
     caps: dict[str, Any] = {field.name: field.default for field in fields(PlantConfig)}
     K1, K2, T1, T2 = (values[name] for name in ("K1", "K2", "T1", "T2"))
-    highest = K1 * ((T1 + T2) / T1) ** 2
-    if T2 <= T1:
-        yield _keys(dut, "T1", "T2", rule="T2 must be larger than T1 (N*m)")
-    elif not K1 < K2 < highest:
-        rule = f"K2 must be above K1 and, with T1 = {T1:g} N*m and T2 = {T2:g} N*m, below {highest:.4g} N*m/rad"
-        yield _keys(dut, "K1", "K2", rule=rule)
+    try:
+        flexspline_from_catalogue(K1, K2, T1, T2)
+    except ParameterError as error:
+        of = ("T1", "T2") if error.name in ("T1", "T2") else ("K1", "K2")
+        yield _keys(dut, *of, rule=f"{error.name} {error.rule}")
     if caps["flexspline_stiffness_cap"] <= K1:
-        yield _keys(dut, "K1", rule=f"must be below {caps['flexspline_stiffness_cap']:g} N*m/rad")
+        yield _keys(dut, "K1", rule=f"must be below {caps['flexspline_stiffness_cap']:g} N*m/rad; {PIECEWISE} needs it")
     most = 0.5 * caps["wave_generator_stiffness_cap"] * values["ratio"] * values["hysteresis_loss"]
     if values["starting_torque"] >= most:
-        rule = f"starting_torque must be below {most:.4g} N*m with this ratio and hysteresis loss"
+        rule = f"starting_torque must be below {most:.4g} N*m with this ratio and hysteresis loss; {LOSS} needs it"
         yield _keys(dut, "starting_torque", "hysteresis_loss", "ratio", rule=rule)
 
 
@@ -287,6 +291,33 @@ def _shape_of_model(fitted: ModelEffect, effect: Effect, dut: Dut, assumed: list
         assumed.append(f"'{fitted.effect}' is left out: {error}")
 
 
+def _check_encoders(effects: Sequence[ActiveEffect], dut: Dut) -> None:
+    """Raise ModelError if an effect assumes another encoder than the bench has: given counts, or lines to count in."""
+    motor = _motor_counts(dut)
+    output = _output_counts(dut)
+    for active in effects:
+        equation = active.effect.equation
+        for parameter, value in zip(active.effect.parameters, active.values, strict=True):
+            if parameter.known and parameter.name == "encoder_counts" and value != motor:
+                raise ModelError(
+                    f"{active.effect.id}: encoder_counts = {value!r} {parameter.unit} contradicts the bench, whose "
+                    f"motor encoder has {motor} {parameter.unit}; {equation} needs the same."
+                )
+            if active.effect.id == SUBDIVISION and parameter.name == "order" and value > output / 2:
+                raise ModelError(
+                    f"{active.effect.id}: order = {value!r} {parameter.unit} contradicts the bench, whose "
+                    f"output encoder has {output} 1/rev: at most half of that; {equation} needs it."
+                )
+
+
+def _motor_counts(dut: Dut) -> int:
+    return dut.motor.encoder_counts or MOTOR_DRIVE.encoder_counts
+
+
+def _output_counts(dut: Dut) -> int:
+    return dut.output.encoder_counts or OUTPUT_ENCODER.encoder_counts
+
+
 def _motor_rated_torque(dut: Dut) -> float:
     gear = dut.gear
     if gear.rated_torque is None or gear.ratio is None:
@@ -308,7 +339,7 @@ def _node(role: str, device: Device, plant: Plant, dut: Dut) -> CanopenNode:
             config = replace(
                 MOTOR_DRIVE,
                 node_id=device.node,
-                encoder_counts=dut.motor.encoder_counts or MOTOR_DRIVE.encoder_counts,
+                encoder_counts=_motor_counts(dut),
                 rated_torque=_motor_rated_torque(dut),
                 max_torque=3 * _motor_rated_torque(dut),
                 torque_constant=_torque_constant(dut),
@@ -318,7 +349,7 @@ def _node(role: str, device: Device, plant: Plant, dut: Dut) -> CanopenNode:
             rated = _load_rated_torque(dut)
             return drive_node(replace(LOAD_DRIVE, node_id=device.node, rated_torque=rated, max_torque=3 * rated), plant)
         case "output_encoder":
-            counts = dut.output.encoder_counts or OUTPUT_ENCODER.encoder_counts
+            counts = _output_counts(dut)
             turns = min(OUTPUT_ENCODER.turns, 2 ** int(math.log2(2**32 // counts)))
             return encoder_node(replace(OUTPUT_ENCODER, node_id=device.node, encoder_counts=counts, turns=turns), plant)
         case _:

@@ -12,3 +12,14 @@ class NotFiniteError(ModelError):
         super().__init__(message)
         self.time = time
         self.signals = signals
+
+
+class ParameterError(ModelError):
+    """One number that the model cannot have, with the facts of the message: `rule` is range, unit and equation."""
+
+    def __init__(self, name: str, value: float, unit: str, rule: str) -> None:
+        super().__init__(f"{f'{name} = {value!r} {unit}'.rstrip()} is not possible: it {rule}.")
+        self.name = name
+        self.value = value
+        self.unit = unit
+        self.rule = rule

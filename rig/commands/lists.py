@@ -141,7 +141,9 @@ def _effect_table(effect: Effect) -> Table:
     for p in effect.parameters:
         unit = "" if p.unit == "1" else f" {p.unit}"
         given = "; given, not fitted" if p.known else ""
-        row(p.name, f"{p.low:g} to {p.high:g}{unit}, typically {p.typical:g}: {p.meaning}{given}")
+        low, high = p.usual
+        usual = f"usually {low:g} to {high:g}, typically {p.typical:g}"
+        row(p.name, f"{p.low:g} to {p.high:g}{unit}, {usual}: {p.meaning}{given}")
     row("shows in", ", ".join(effect.shows))
     row("taken for", ", ".join(effect.confusable))
     row("told apart by", effect.separated_by)
@@ -177,6 +179,7 @@ def _effect_record(effect: Effect) -> dict[str, object]:
                 "low": p.low,
                 "high": p.high,
                 "typical": p.typical,
+                "usual": list(p.usual),
                 "known": p.known,
                 "meaning": p.meaning,
             }

@@ -16,6 +16,9 @@ from rig.terminal import emit, tell
 WIDTH = 180
 """Columns of the table where it does not go to a terminal."""
 
+ROOM_FOR_COMMANDS = 140
+"""Columns from which on the table has the command of each row."""
+
 
 def papers_command(names: tuple[str, ...], out: Path, quick: bool, as_json: bool) -> None:
     """Run the items, write figures and tables, print the table."""
@@ -31,11 +34,13 @@ def papers_command(names: tuple[str, ...], out: Path, quick: bool, as_json: bool
         return
     console = Console(width=None if sys.stdout.isatty() else WIDTH)
     table = Table(box=None, padding=(0, 1), header_style="bold")
-    for heading in HEADINGS:
-        table.add_column(heading, overflow="fold")
+    # the command begins with the paper; a narrow terminal has the paper and the item, of which it is made
+    shown_from, shown_to = (1, None) if console.width >= ROOM_FOR_COMMANDS else (0, -1)
+    for heading in HEADINGS[shown_from:shown_to]:
+        table.add_column(heading, overflow="fold", no_wrap=heading == HEADINGS[-1])
     for one in done:
         for row in one.outcome.rows:
-            table.add_row(*cells(one, row))
+            table.add_row(*cells(one, row)[shown_from:shown_to])
     console.print(table, highlight=False, markup=False)
     for grid in grids(done):
         shown = Table(title=grid.title, title_justify="left", box=None, padding=(0, 1), header_style="bold")

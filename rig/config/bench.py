@@ -19,7 +19,7 @@ from drivers.errors import ConfigError, Mistake
 from drivers.registry import Kind, all_drivers
 from drivers.types import Limits
 from rig.config.dut import Positive
-from rig.config.toml_file import Conflict, FileModel, PlainValue, Table, did_you_mean, parse_toml, read_text
+from rig.config.toml_file import Conflict, FileModel, PlainValue, Quantity, Table, did_you_mean, parse_toml, read_text
 
 SIMULATED = "simulated"
 """Interface name of a device that the simulated bench provides."""
@@ -47,6 +47,8 @@ BENCH_NODE = 127
 """Node id of the bench's own heartbeat on a CANopen bus, unless a device's option `master_id` names another."""
 
 UNBOUNDED = math.inf
+
+EVERY_CYCLE = "the check in every cycle"
 
 _DEVICE_SOURCE = re.compile(r"device '(.+)'")
 _NODE_PATH = re.compile(r"(devices\.[^.]+)\.address")
@@ -85,15 +87,15 @@ class Device(FileModel):
 class BenchLimits(FileModel):
     """Torques N*m, speed rad/s, travel rad from where a run began, temperature degC, cycles per run."""
 
-    motor_torque: Positive
-    motor_velocity: Positive
-    output_torque: Positive
-    motor_travel: Positive | None = None
-    output_travel: Positive | None = None
-    load_torque: Positive | None = None
-    load_velocity: Positive | None = None
-    load_travel: Positive | None = None
-    temperature: Positive | None = None
+    motor_torque: Annotated[Positive, Quantity("N*m", EVERY_CYCLE)]
+    motor_velocity: Annotated[Positive, Quantity("rad/s", EVERY_CYCLE)]
+    output_torque: Annotated[Positive, Quantity("N*m", EVERY_CYCLE)]
+    motor_travel: Annotated[Positive | None, Quantity("rad", EVERY_CYCLE)] = None
+    output_travel: Annotated[Positive | None, Quantity("rad", EVERY_CYCLE)] = None
+    load_torque: Annotated[Positive | None, Quantity("N*m", EVERY_CYCLE)] = None
+    load_velocity: Annotated[Positive | None, Quantity("rad/s", EVERY_CYCLE)] = None
+    load_travel: Annotated[Positive | None, Quantity("rad", EVERY_CYCLE)] = None
+    temperature: Annotated[Positive | None, Quantity("degC", EVERY_CYCLE)] = None
     late_cycles: Annotated[int, Field(ge=0)] = 0
     missing_cycles: Annotated[int, Field(ge=0)] = 0
 
@@ -118,8 +120,8 @@ class Safety(FileModel):
     """Safe-state reaction; `ramp_time` s; `heartbeat_time` s after which a drive stops by itself."""
 
     reaction: Annotated[Reaction, Field(strict=False)] = Reaction.RAMP
-    ramp_time: Annotated[Positive, Field(le=5.0)] = 0.2
-    heartbeat_time: Annotated[Positive, Field(ge=0.02, le=2.0)] = 0.2
+    ramp_time: Annotated[Positive, Field(le=5.0), Quantity("s", "the ramp to the safe state")] = 0.2
+    heartbeat_time: Annotated[Positive, Field(ge=0.02, le=2.0), Quantity("s", "the drive's own stop")] = 0.2
 
 
 class Fixture(FileModel):
@@ -132,8 +134,8 @@ class BenchFile(FileModel):
     """The whole bench."""
 
     name: Annotated[str, Field(min_length=1, max_length=100)]
-    cycle_rate: Annotated[int, Field(ge=10, le=2000)] = 1000
-    bus_load_limit: Annotated[Positive, Field(le=0.95)] = 0.8
+    cycle_rate: Annotated[int, Field(ge=10, le=2000), Quantity("Hz", "the control cycle")] = 1000
+    bus_load_limit: Annotated[Positive, Field(le=0.95), Quantity("", "the share of its bits that a bus carries")] = 0.8
     devices: dict[str, Device]
     limits: BenchLimits
     safety: Safety = Safety()

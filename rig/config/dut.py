@@ -10,11 +10,15 @@ from typing import Annotated
 
 from pydantic import BeforeValidator, Field
 
-from rig.config.toml_file import Conflict, FileModel, Table, parse_toml, read_text, whole_number_is_a_number
+from rig.config.toml_file import Conflict, FileModel, Quantity, Table, parse_toml, read_text, whole_number_is_a_number
+from sim_backend.errors import ParameterError
+from sim_backend.model.estimation import LOSS, PIECEWISE, check_torques
 
 Positive = Annotated[float, BeforeValidator(whole_number_is_a_number), Field(gt=0, le=1e9)]
 Ratio = Annotated[float, BeforeValidator(whole_number_is_a_number), Field(ge=1, le=1e6)]
 Counts = Annotated[int, Field(ge=1, le=2**31)]
+
+COUNTING = "angle = 2 pi counts / encoder_counts"
 
 
 class Rotation(StrEnum):
@@ -27,40 +31,46 @@ class Rotation(StrEnum):
 class Gear(FileModel):
     """Harmonic drive: catalogue stiffnesses N*m/rad up to torques N*m, losses, and friction at both sides."""
 
-    ratio: Ratio | None = None
+    ratio: Annotated[Ratio | None, Quantity("", "theta_m = -N theta_o, Zhang (4),")] = None
     rotation: Annotated[Rotation, Field(strict=False)] = Rotation.OPPOSED
-    rated_torque: Positive | None = None
-    K1: Positive | None = None
-    K2: Positive | None = None
-    K3: Positive | None = None
-    T1: Positive | None = None
-    T2: Positive | None = None
-    hysteresis_loss: Positive | None = None
-    starting_torque: Positive | None = None
-    backdriving_torque: Positive | None = None
+    rated_torque: Annotated[Positive | None, Quantity("N*m", "the torque up to which procedures load")] = None
+    K1: Annotated[Positive | None, Quantity("N*m/rad", PIECEWISE)] = None
+    K2: Annotated[Positive | None, Quantity("N*m/rad", PIECEWISE)] = None
+    K3: Annotated[Positive | None, Quantity("N*m/rad", PIECEWISE)] = None
+    T1: Annotated[Positive | None, Quantity("N*m", PIECEWISE)] = None
+    T2: Annotated[Positive | None, Quantity("N*m", PIECEWISE)] = None
+    hysteresis_loss: Annotated[Positive | None, Quantity("rad", LOSS)] = None
+    starting_torque: Annotated[Positive | None, Quantity("N*m", LOSS)] = None
+    backdriving_torque: Annotated[Positive | None, Quantity("N*m", "T_w = -(T_F -+ T_fb)/N, Zhang (36),")] = None
 
     @classmethod
     def conflicts(cls, table: Table) -> Iterator[Conflict]:
         """Check that the torques at which the stiffness changes are in order."""
         low, high = table.get("T1"), table.get("T2")
-        if low is not None and high is not None and high <= low:
-            yield Conflict(("T2",), high, f"must be larger than T1 = {low:g} N*m")
+        if low is None or high is None:
+            return
+        try:
+            check_torques(low, high)
+        except ParameterError as error:
+            yield Conflict((error.name,), error.value, error.rule)
 
 
 class Motor(FileModel):
     """Motor: encoder counts per revolution (after evaluation of all edges), N*m/A, kg*m^2."""
 
-    encoder_counts: Counts | None = None
-    torque_constant: Positive | None = None
-    pole_pairs: Counts | None = None
-    inertia: Positive | None = None
+    encoder_counts: Annotated[Counts | None, Quantity("1/rev", COUNTING)] = None
+    torque_constant: Annotated[Positive | None, Quantity("N*m/A", "motor_torque = k_t i")] = None
+    pole_pairs: Annotated[Counts | None, Quantity("", "the order 6 p of a torque ripple")] = None
+    inertia: Annotated[Positive | None, Quantity("kg*m^2", "(J_m + J_wg) dw/dt = sum of torques, Castejon (15),")] = (
+        None
+    )
 
 
 class Output(FileModel):
     """Output side: encoder counts per revolution, inertia kg*m^2."""
 
-    encoder_counts: Counts | None = None
-    inertia: Positive | None = None
+    encoder_counts: Annotated[Counts | None, Quantity("1/rev", COUNTING)] = None
+    inertia: Annotated[Positive | None, Quantity("kg*m^2", "J_l dw/dt = sum of torques, Castejon (16),")] = None
 
 
 class Dut(FileModel):

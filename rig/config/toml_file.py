@@ -4,9 +4,12 @@ import difflib
 import math
 import re
 import tomllib
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, Self, TypeVar
+from types import MappingProxyType
+from typing import Annotated, Any, NamedTuple, Self, TypeVar, get_args
 
 from pydantic import (
     BaseModel,
@@ -16,6 +19,7 @@ from pydantic import (
     ValidationError,
     model_validator,
 )
+from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from drivers.errors import ConfigError, Mistake
@@ -47,6 +51,32 @@ def plain_value(value: object) -> object:
 
 
 PlainValue = Annotated[bool | int | float | str, PlainValidator(plain_value)]
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """What a number in a file is, part of the annotation of its field: its unit, and what needs it."""
+
+    unit: str
+    needed_by: str
+
+
+_WRONG_NUMBER: Mapping[str, str] = MappingProxyType(
+    {
+        "greater_than": "",
+        "greater_than_equal": "",
+        "less_than": "",
+        "less_than_equal": "",
+        "finite_number": "finite, ",
+        "float_type": "a number, ",
+        "int_type": "a whole number, ",
+        "int_from_float": "a whole number, ",
+    }
+)
+"""What pydantic finds wrong with a number, and how it is then told what it must be."""
+
+_BOUNDS: Mapping[str, str] = MappingProxyType({"ge": "at least", "gt": "above", "le": "at most", "lt": "below"})
+"""Bounds as pydantic's metadata name them."""
 
 
 class Conflict(NamedTuple):
@@ -90,10 +120,37 @@ class FileModel(BaseModel):
         if item["type"] == "extra_forbidden" and len(item["loc"]) == 1:
             known = [field.alias or name for name, field in cls.model_fields.items()]
             return f"unknown key{did_you_mean(str(item['loc'][0]), known)}; there are {', '.join(known)}"
+        wanted = cls.wanted(str(item["loc"][0])) if item["type"] in _WRONG_NUMBER and len(item["loc"]) == 1 else ""
+        if wanted:
+            return f"must be {_WRONG_NUMBER[item['type']]}{wanted}"
         return str(item["msg"]).removeprefix("Value error, ")
+
+    @classmethod
+    def wanted(cls, name: str) -> str:
+        """Give what a number must be, `above 0 and at most 2 N*m; THIS needs it`; empty where no quantity is stated."""
+        field = cls.model_fields[name]
+        quantity = next((item for item in field.metadata if isinstance(item, Quantity)), None)
+        if quantity is None:
+            return ""
+        bounds = list(_bounds(field))
+        lower = max((bound for bound in bounds if bound[0] in ("ge", "gt")), key=itemgetter(1), default=None)
+        upper = min((bound for bound in bounds if bound[0] in ("le", "lt")), key=itemgetter(1), default=None)
+        limits = " and ".join(f"{_BOUNDS[kind]} {limit:.6g}" for kind, limit in filter(None, (lower, upper)))
+        return f"{limits} {quantity.unit}".rstrip() + f"; {quantity.needed_by} needs it"
 
 
 Model = TypeVar("Model", bound=FileModel)
+
+
+def _bounds(part: Any) -> Iterator[tuple[str, float]]:
+    """Give kind and limit of every bound within an annotation, at whatever depth it stands."""
+    if isinstance(part, FieldInfo):
+        for item in part.metadata:
+            yield from ((kind, getattr(item, kind)) for kind in _BOUNDS if hasattr(item, kind))
+        yield from _bounds(part.annotation)
+    else:
+        for inner in get_args(part):
+            yield from _bounds(inner)
 
 
 def did_you_mean(name: str, known: Collection[str]) -> str:

@@ -7,7 +7,7 @@ samples.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +25,12 @@ SPEED_ERROR = 2e-6
 
 HARMONICS = 3
 """Harmonics of an encoder's sawtooth that are looked at."""
+
+LEAST_PASSING = 0.1
+"""Counts a second below which a shaft is held."""
+
+ALIKE_RATE, NOTICEABLE = 0.1, 0.05
+"""Relative difference within which a rate of counts is a frequency, and the share of a sweep from which it is seen."""
 
 DRIFT = 0.2
 """Cycles by which two orders may part over a leg and still look alike in it."""
@@ -91,6 +97,26 @@ def beats(order: float, items: Sequence[LinearPiece], variable: str, legs: Seque
     """Whether a line is an encoder's counts beating with the samples: a sawtooth of the angle, not a cause."""
     counts = _counts(items, variable)
     return counts is not None and any(alike(order, m * counts, legs) for m in range(1, HARMONICS + 1))
+
+
+def counts_pass(frequency: float, items: Sequence[LinearPiece], counts: Mapping[str, float]) -> bool:
+    """Whether an encoder's counts pass by at this frequency (Hz) for a noticeable part of the sweeps.
+
+    A slow sweep at a constant rate makes a sawtooth in time of the count, which is no resonance. `counts`: per
+    revolution, by the signal of the angle.
+    """
+    for signal, per_turn in counts.items():
+        rates = [
+            np.abs(np.gradient(item.evaluation.signals[signal], item.piece.track.time))
+            for item in items
+            if not item.piece.track.moves and signal in item.evaluation.signals and item.piece.track.size > 2
+        ]
+        passing = np.concatenate(rates or [np.zeros(0)]) * per_turn / (2.0 * math.pi)
+        passing = passing[passing > LEAST_PASSING]
+        for harmonic in range(1, HARMONICS + 1):
+            if passing.size and np.mean(np.abs(harmonic * passing / frequency - 1.0) < ALIKE_RATE) > NOTICEABLE:
+                return True
+    return False
 
 
 def _counts(items: Sequence[LinearPiece], variable: str) -> float | None:

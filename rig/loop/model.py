@@ -7,7 +7,8 @@
     backdrive      M = play((T - c_T)/N; T_fb/N) + c_M + M_0
     free run       M = (T - c_T)/N + sgn(w) T_c + b w + c_M + M_0 + J_r a + K_r p  (a, p: acceleration and position of
                    the rotor's ripple; K_r: the springs behind it)
-    locked output  T = play(N (M - c_M - J_r a); N T_fs) + c_T + T_0  (a: acceleration of the rotor on its springs)
+    locked output  T = play(N (M - c_M - J_r a) + K e; N T_fs) - K e + c_T + T_0  (a: acceleration of the rotor on its
+                   springs; K: stiffness of the flexspline, by which an e counts as long as the mesh sticks)
     held still     M = M_0 + c_M
     motion at the output without motor torque  T = sgn(w) T_co + b_o w + J_o a + c_T + T_0  (a: acceleration)
 
@@ -110,9 +111,8 @@ def _signals(
     found = {**track.auxiliary, **positions, "time": track.time, "direction": track.direction, FLEXSPLINE_TORQUE: T}
     found["locked"] = np.full(track.size, float(track.procedure is ProcedureName.LOCKED_OUTPUT))
     found["motor_velocity"] = track.speed
-    if _is_loaded(track, model):
-        found["output_torque"] = T
-        found["flexspline_torsion"] = flexspline_torsion(T, model.value("K_F0"), model.value("C_F"))
+    found["output_torque"] = T
+    found["flexspline_torsion"] = flexspline_torsion(T, model.value("K_F0"), model.value("C_F"))
     found["base_friction"] = np.abs(model.value("T_c")) + np.abs(model.value("b") * track.speed)
     if M is not None:
         found["motor_torque"] = M
@@ -123,12 +123,8 @@ def _signals(
 
 def _loaded(signals: dict[str, Floats], T: Floats, torsion: Floats | None = None) -> dict[str, Floats]:
     """Give the signals with another torque at the flexspline (N*m), and its torsion (rad) where that is known."""
-    found = signals | {FLEXSPLINE_TORQUE: T}
-    if "output_torque" in signals:
-        found["output_torque"] = T
-        if torsion is not None:
-            found["flexspline_torsion"] = torsion
-    return found
+    found = signals | {FLEXSPLINE_TORQUE: T, "output_torque": T}
+    return found if torsion is None else found | {"flexspline_torsion": torsion}
 
 
 def _positions(track: Track, ratio: float | None) -> dict[str, Floats]:
@@ -286,17 +282,19 @@ def _locked(track: Track, model: Model) -> Evaluation:
     drive = np.zeros(track.size * track.fine) if track.play_drive is None else track.play_drive
     path = play_path(N * drive, N * model.value("T_fs"), track.fine)
     signals = _signals(track, model, positions, path.output, track.M)
+    held = np.zeros(track.size)
     for _ in range(LEVEL_PASSES if model.lines or model.shapes else 0):
         against = np.repeat(added.motor(signals), track.fine)
         radius = N * _radius(model.value("T_fs"), added.friction(signals), track.fine)
-        path = play_path(N * (drive - against), radius, track.fine)
-        signals = signals | {FLEXSPLINE_TORQUE: path.output, "output_torque": path.output}
-    stand_in = path.output
+        held = _held_by_mesh(added.angle(signals), path.output, model)
+        path = play_path(N * (drive - against) + np.repeat(held, track.fine), radius, track.fine)
+        signals = _loaded(signals, path.output - held)
+    stand_in = path.output - held
     ones = np.ones(track.size)
     slipped, last = path.slip >= 0, np.maximum(path.slip, 0)
     carried = Route(np.where(slipped, -N, 0.0), last)
     inertial = through(carried, track.acceleration, np.arange(track.size))
-    value = path.output + added.load(signals) + model.value("T_0") + model.value("J_r") * inertial
+    value = stand_in + added.load(signals) + model.value("T_0") + model.value("J_r") * inertial
     base = {"T_fs": -N * path.side, "T_0": ones}
     if np.any(track.acceleration):
         base["J_r"] = inertial
@@ -316,6 +314,14 @@ def _motor_reading(track: Track, added: Added, signals: dict[str, Floats], torqu
             signals["motor_current"] = reading / track.torque_constant
             reading = torque + added.motor(signals)
     return reading
+
+
+def _held_by_mesh(angle: Floats, torque: Floats, model: Model) -> Floats:
+    """Give the torque (N*m, (n,)) that an addition to the torsion makes behind a mesh that sticks, output locked.
+
+    T + K e stays while the rim holds: the play acts on that sum.
+    """
+    return angle * flexspline_stiffness(torque, model.value("K_F0"), model.value("C_F"))
 
 
 def _radius(level: float, added: Floats | None, fine: int) -> Floats | float:

@@ -4,14 +4,18 @@ A play remembers the extremes of its input, so that the noise of a held torque r
 past a corner sets it for good. Where the whole record is a polyline within its noise, that is what the play gets.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
+from scipy.signal import savgol_filter
 
 Floats = NDArray[np.float64]
 
-TOLERANCE = 2.5
-"""Standard deviations of a sample by which a polyline may miss the smoothed torque before it gets a further knot."""
+TOLERANCE, TOLERANCE_COLOURED = 2.5, 4.0
+"""Standard deviations of a sample by which a polyline may miss the smoothed torque before it gets a further knot; of a
+noise that remembers more, because smoothing leaves most of it."""
 
 MOST_KNOTS, MOST_POINTS = 200, 3000
 """Knots of a polyline, and means of neighbouring samples that place them."""
@@ -22,10 +26,37 @@ SHORTEST = 1.0
 BLOCK, TYPICAL, WORST = 0.5, 1.5, 6.0
 """s of the blocks whose means judge the polyline; their rms and their largest size, in standard deviations."""
 
+SPANS = (0.6, 2.0, 6.0)
+"""s over which a torque that is no polyline is smoothed by cubics, where it follows them."""
+
+CUBIC_CENTRE = 2.25
+"""Variance of the centre of a fitted cubic over that of the mean of its samples."""
+
+SCATTERS, AGREE = 3.0, 4.0
+"""Standard deviations within which samples scatter about a cubic, and cubics of different length agree."""
+
 PASSES = 5
 RIDGE = 1e-10
 NOISE_SPAN = 1.0
 """s on either side over which the noise is measured."""
+
+LAGS = (1, 2, 4, 8, 16, 32)
+"""Samples between the three of a second difference: how it grows with them tells how long the noise remembers."""
+
+LONGEST_LAG = 0.35
+"""s: over longer times a swept torque bends by itself."""
+
+COLOURED = 1.4
+"""Ratio of the noise seen at 8 samples to that at 1 beyond which it remembers."""
+
+ROUNDS = 3
+"""Times that a noise which remembers is measured anew."""
+
+MEMORIES = (0.7, 0.8, 0.86, 0.9, 0.93, 0.95, 0.96, 0.97, 0.98, 0.985, 0.99)
+"""Correlations of neighbouring samples that are tried."""
+
+MEDIAN_OF_SQUARE = 0.4549
+"""Median of the square of a normal variable of unit variance."""
 
 
 def polyline(values: Floats, smoothed: Floats, side: int, period: float) -> Floats | None:
@@ -36,17 +67,56 @@ def polyline(values: Floats, smoothed: Floats, side: int, period: float) -> Floa
     n = values.size
     if n < 4 * side:
         return None
-    noise = noise_variance(values, period)
-    knots = _knots(smoothed, TOLERANCE * float(np.sqrt(noise.mean())))
-    if not noise.any() or len(knots) > min(n * period / SHORTEST + 2, MOST_KNOTS):
-        return None
-    line = _placed(values, np.array(knots, dtype=float))
+    rest = values
+    for _ in range(ROUNDS):
+        # what corners add to second differences is gone once a first polyline has been taken off
+        noise, memory = _noise(rest, period)
+        knots = _knots_of(smoothed, noise, memory)
+        if not noise.all() or len(knots) > min(n * period / SHORTEST + 2, MOST_KNOTS):
+            return None
+        line = _placed(values, np.array(knots, dtype=float))
+        if not memory:
+            break
+        rest = values - line
     block = max(round(BLOCK / period), 1)
     whole = n // block * block
     means = (values - line)[:whole].reshape(-1, block).mean(axis=1)
-    sizes = np.abs(means) / np.sqrt(np.maximum(noise[:whole].reshape(-1, block).mean(axis=1), 1e-300) / block)
+    variance = noise[:whole].reshape(-1, block).mean(axis=1) * _of_mean(memory, block)
+    sizes = np.abs(means) / np.sqrt(np.maximum(variance, 1e-300))
     good = np.sqrt(np.mean(sizes**2)) <= TYPICAL and sizes.max(initial=0.0) <= WORST
     return line if good else None
+
+
+def curve(values: Floats, smoothed: Floats, side: int, period: float) -> Floats:
+    """Give `smoothed` (n,) with less noise wherever `values` follow a cubic over longer than `side` on either side.
+
+    A longer cubic counts where the samples scatter about it no more than their noise, and where it agrees with the
+    shorter one.
+    """
+    noise, memory = _noise(values, period)
+    found, least = smoothed.copy(), noise * _of_mean(memory, 2 * side + 1)
+    short = np.sqrt(noise * _of_mean(memory, 4 * side + 1))
+    for width in (2 * round(0.5 * span / period) + 1 for span in SPANS):
+        if not 4 * side < width <= values.size:
+            continue
+        cubic = savgol_filter(values, width, 3)
+        scatter = uniform_filter1d((values - cubic) ** 2, width)
+        variance = CUBIC_CENTRE * noise * _of_mean(memory, width)
+        good = scatter <= noise * (1.0 + SCATTERS * math.sqrt(2.0 / width))
+        good &= np.abs(uniform_filter1d(cubic - smoothed, 4 * side + 1)) <= AGREE * short
+        good &= variance < least
+        found[good], least[good] = cubic[good], variance[good]
+    return found
+
+
+def _noise(values: Floats, period: float) -> tuple[Floats, float]:
+    """Give the variance of the noise around every sample, (n,), and the correlation of neighbouring samples."""
+    memory = _memory(values, period)
+    return noise_variance(values, period) / _second_difference(memory, 1), memory
+
+
+def _knots_of(smoothed: Floats, noise: Floats, memory: float) -> list[int]:
+    return _knots(smoothed, (TOLERANCE_COLOURED if memory else TOLERANCE) * np.sqrt(np.maximum(noise, 1e-300)))
 
 
 def noise_variance(values: Floats, period: float) -> Floats:
@@ -56,17 +126,43 @@ def noise_variance(values: Floats, period: float) -> Floats:
     return np.asarray(uniform_filter1d(padded**2 / 6.0, 2 * round(NOISE_SPAN / period) + 1))
 
 
-def _knots(smoothed: Floats, tolerance: float) -> list[int]:
-    """Split the record where a straight line misses it most, until none misses it by more than `tolerance`."""
+def _memory(values: Floats, period: float) -> float:
+    """Give the correlation of neighbouring samples of the noise, 0 for a white one.
+
+    A slope has no second difference, and the few that span a corner do not move a median.
+    """
+    lags = [lag for lag in LAGS if lag * period <= LONGEST_LAG and values.size > 8 * lag]
+    bends = (values[2 * lag :] - 2.0 * values[lag:-lag] + values[: -2 * lag] for lag in lags)
+    seen = np.array([np.median(bend**2) / (6.0 * MEDIAN_OF_SQUARE) for bend in bends])
+    if len(lags) < 4 or seen[0] <= 0.0 or seen[3] < COLOURED**2 * seen[0]:
+        return 0.0
+    tried = np.array([[_second_difference(memory, lag) for lag in lags] for memory in MEMORIES])
+    misfit = np.log(seen / seen[0]) - np.log(tried / tried[:, :1])
+    return MEMORIES[int(np.argmin((misfit**2).sum(axis=1)))]
+
+
+def _second_difference(memory: float, lag: int) -> float:
+    """Give the variance of a second difference over that of white noise of the same size; 1 without memory."""
+    return (3.0 - 4.0 * memory**lag + memory ** (2 * lag)) / 3.0
+
+
+def _of_mean(memory: float, count: int) -> float:
+    """Give the variance of the mean of `count` samples over that of one."""
+    k = np.arange(1, count)
+    return float((1.0 + 2.0 * np.sum((1.0 - k / count) * memory**k)) / count)
+
+
+def _knots(smoothed: Floats, tolerance: Floats) -> list[int]:
+    """Split the record where a straight line misses it most, until none misses it by more than `tolerance` (n,)."""
     found, open_ = {0, smoothed.size - 1}, [(0, smoothed.size - 1)]
     while open_:
         first, last = open_.pop()
         if last - first < 2:
             continue
         inner = smoothed[first : last + 1]
-        miss = np.abs(inner - np.linspace(inner[0], inner[-1], inner.size))
+        miss = np.abs(inner - np.linspace(inner[0], inner[-1], inner.size)) / tolerance[first : last + 1]
         worst = int(miss.argmax())
-        if miss[worst] > tolerance:
+        if miss[worst] > 1.0:
             found.add(first + worst)
             open_ += [(first, first + worst), (first + worst, last)]
     return sorted(found)

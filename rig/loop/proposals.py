@@ -12,7 +12,10 @@ import numpy as np
 from rig.loop.equations import Equation
 from rig.loop.lines import Peak, Spectrum, peaks, scan
 from rig.loop.terms import Entry, TermClass, periodic_effects
-from rig.loop.trial import Ground
+from rig.loop.trial import Ground, line_gain
+
+LOW_ORDERS = 12.0
+"""Orders up to which every one is tried where only start angles tell them apart."""
 
 PEAKS_BY_HEIGHT = 3
 PEAKS_BY_POWER = 3
@@ -56,13 +59,34 @@ def propose(ground: Ground, known: Mapping[str, float]) -> tuple[list[Proposal],
             if spectrum is None:
                 continue
             tests += spectrum.tests
-            for peak in _tops(spectrum):
+            tops = _tops(spectrum)
+            if equation is Equation.TORSION and not any(item.piece.track.moves for item in linear):
+                tops += _low_orders(ground, effects, spectrum.resolution)
+            for peak in tops:
                 classes = _classes(equation, variable, peak.order, spectrum.resolution, ratio, effects, against=against)
                 if equation is Equation.TORSION and variable == "motor_position" and ratio is not None:
                     classes += _subdivisions(peak.order * ratio, spectrum.resolution * ratio, counts, effects)
                 found += [replace(proposal, height=peak.height) for proposal in classes]
     fixed = [Proposal(effect, effect.fixed_order, 0.0) for effect in effects if effect.fixed_order is not None]
     return found + fixed, 2.0 * max(tests, 1.0), 2.0 * max(len(fixed), 1)
+
+
+def _low_orders(ground: Ground, effects: Sequence[TermClass], resolution: float) -> list[Peak]:
+    """Give the low orders that explain most as an angle error, however the start angles make the spectrum look.
+
+    Sweeps from a few angles see short pieces of a turn, and the base model takes up what is slow in each of them: the
+    spectrum then peaks at aliases.
+    """
+    kind = next((kind for kind in effects if kind.entry is Entry.TORSION and kind.fixed_order is None), None)
+    if kind is None:
+        return []
+    orders = np.arange(resolution, LOW_ORDERS, 0.5 * resolution).tolist()
+    scored = sorted(((line_gain(ground, kind, order), order) for order in orders), reverse=True)
+    found: list[float] = []
+    for _, order in scored:
+        if len(found) < PEAKS_BY_POWER and all(abs(order - other) > resolution for other in found):
+            found.append(order)
+    return [Peak(order, 0.0) for order in found]
 
 
 def _tops(spectrum: Spectrum) -> list[Peak]:

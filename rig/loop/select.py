@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rig.loop.aliases import aliases, beats, likeliest, samplings
+from rig.loop.aliases import aliases, beats, counts_pass, likeliest, samplings
 from rig.loop.compliance_form import other_compliance
 from rig.loop.contenders import by_joint_fit
 from rig.loop.equations import Equation, Piece
@@ -48,13 +48,16 @@ SET_SHARE = 0.9
 MOST_CLASSES = 3
 MOST_LINES = 16
 QUOTIENT = ("torque-constant-error", "torque-sensor-gain")
-"""What the base parameters take up, alone or against each other: said as absorbed, never added."""
+"""What base parameters take up, each its own: only that the two torques do not agree shows, never which is wrong."""
 
 NESTED: Mapping[str, tuple[str, ...]] = {"rate-dependent-hysteresis": ("creep", "maxwell-slip")}
 """A class that holds others as special cases: it is taken only if it explains more."""
 
 LEAST_START_ANGLES = 4
 """Start angles without which a locked sweep cannot tell an angle error from a torque-shaped one."""
+
+COUNTS = {"motor_position": "encoder_counts", "output_position": "output_encoder_counts"}
+"""Which of the device's parameters holds the counts per revolution of an angle."""
 
 NOT_EVERYWHERE = "it does not show under every condition that should show it"
 
@@ -147,7 +150,8 @@ def select(pieces: Sequence[Piece], base: Fit, alpha: float, known: Mapping[str,
         shapes = _shapes(ground, known, max((c.trial.gain for c in lines), default=0.0))
         left = tuple(item.trial for item in shapes)
         present = {term.effect.id for term in current.model.shapes}
-        shapes = [item for item in shapes if item.term.effect.id not in {*QUOTIENT, *present}]
+        present |= set(QUOTIENT) if present & set(QUOTIENT) else set()
+        shapes = [item for item in shapes if item.term.effect.id not in present]
         shapes = by_joint_fit(pieces, ground, shapes)
         accepted = _round(pieces, ground, lines, shapes, alpha, decisions, unadded)
         if accepted is None:
@@ -192,7 +196,13 @@ def _shapes(ground: Ground, known: Mapping[str, float], least: float) -> list[Sh
     table = ground.fit.model.table
     stiffness = float(table.centre()[table.names.index("K_F0")])
     scales = scales_of(ground.fit.linear, {**known, "stiffness": stiffness})
-    return shape_trials(ground, scales, least)
+    counts = {signal: known[name] for signal, name in COUNTS.items() if name in known}
+    swept = [item for item in ground.fit.linear if item.piece.equation is Equation.TORSION]
+    return [
+        item
+        for item in shape_trials(ground, scales, least)
+        if not any(counts_pass(frequency, swept, counts) for frequency in item.term.frequencies)
+    ]
 
 
 def _judge_shape(
@@ -232,6 +242,7 @@ def _judge_shape(
     peers = [*(x.trial for x in shapes if x is not candidate), *_best_of_classes(lines), form]
     outer = {name for name, within in NESTED.items() if term.effect.id in within}
     near = {p.label for p in peers if p.gain >= SET_SHARE * trial.gain and p.label not in {*outer, term.effect.id}}
+    near |= set(QUOTIENT) - {term.effect.id} if term.effect.id in QUOTIENT else set()
     if form.gain > trial.gain / BEST_SHARE:
         return unadded("another shape explains more")
     joint = refit(pieces, ground.fit, replace(ground.fit.model, shapes=(*ground.fit.model.shapes, term)))

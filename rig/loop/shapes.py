@@ -101,6 +101,11 @@ class ShapeTerm:
         """Its kind."""
         return ShapeClass(self.effect.id)
 
+    @property
+    def frequencies(self) -> tuple[float, ...]:
+        """Parameters that are frequencies, Hz."""
+        return tuple(v for p, v in zip(self.effect.parameters, self.values, strict=True) if p.unit == "Hz")
+
     def value(self, name: str) -> float:
         """Give one parameter."""
         return self.values[[p.name for p in self.effect.parameters].index(name)]

@@ -17,7 +17,7 @@ from scipy.signal import savgol_filter
 
 from rig.config.dut import Dut, Rotation
 from rig.log.run import ProcedureName, Run
-from rig.loop.polyline import noise_variance, polyline
+from rig.loop.polyline import curve, noise_variance, polyline
 from rig.loop.ripple import Ripple, speed_ripple
 
 Floats = NDArray[np.float64]
@@ -164,6 +164,8 @@ def make_track(run: Run, dut: Dut) -> Track:
         output_torque, motor_torque = _alive(output_torque), _alive(motor_torque)
     turning = run.procedure in (ProcedureName.FREE_RUN, ProcedureName.BACKDRIVE)
     held = not turning and float(np.median(np.abs(speed))) < HELD_SPEED and motor_position is not None
+    load_of_spring, load_of_play = (None, None) if moves else _swept(output_torque, period)
+    drive_of_spring, drive_of_play = (None, None) if moves else _swept(motor_torque, period)
     return Track(
         name=run.name,
         procedure=run.procedure,
@@ -173,10 +175,10 @@ def make_track(run: Run, dut: Dut) -> Track:
         fine=1,
         motor_position=motor_position,
         output_position=output_position,
-        T=_over_turns(output_torque, leg_speed, period) if moves else _smooth(output_torque, period, SPRING_SIDES),
-        M=motor_torque if moves else _smooth(motor_torque, period, SPRING_SIDES),
-        play_load=None if moves else _for_play(output_torque, period),
-        play_drive=None if moves else _for_play(motor_torque, period),
+        T=_over_turns(output_torque, leg_speed, period) if moves else load_of_spring,
+        M=motor_torque if moves else drive_of_spring,
+        play_load=load_of_play,
+        play_drive=drive_of_play,
         output_torque=output_torque,
         motor_torque=motor_torque,
         motor_current=current,
@@ -283,14 +285,14 @@ def _ripple(run: Run, position: Floats | None, torque: Floats | None, leg_speed:
     return speed_ripple(run.time, position, torque, leg_speed)
 
 
-def _smooth(values: Floats | None, period: float, sides: tuple[float, ...]) -> Floats | None:
+def _smooth(values: Floats, period: float, sides: tuple[float, ...]) -> Floats:
     """Smooth a torque by straight lines over the longest of `sides` (s) that takes nothing but noise away.
 
     Noise of a torque is in what it predicts, so that an effect that follows the torque less noisily would be found for
     it. A longer line counts where the samples scatter about it no more than about their neighbours, and where it agrees
     with the shortest.
     """
-    if values is None or values.size < FEWEST_TO_BEND:
+    if values.size < FEWEST_TO_BEND:
         return values
     first = round(sides[0] / period)
     smoothed = _corners_kept(values, first)
@@ -310,14 +312,18 @@ def _smooth(values: Floats | None, period: float, sides: tuple[float, ...]) -> F
     return best
 
 
-def _for_play(values: Floats | None, period: float) -> Floats | None:
-    """Give a torque as a play takes it: the polyline that it follows, or smoothed with its corners kept."""
+def _swept(values: Floats | None, period: float) -> tuple[Floats | None, Floats | None]:
+    """Give a torque as springs and as plays take it: the polyline that it follows, or smoothed each in its own way."""
     if values is None:
-        return None
+        return None, None
     side = round(PLAY_SIDE / period)
     smoothed = _corners_kept(values, side)
-    line = polyline(values, smoothed, side, period) if smoothed is not values else None
-    return smoothed if line is None else line
+    if smoothed is values:
+        return _smooth(values, period, SPRING_SIDES), values
+    line = polyline(values, smoothed, side, period)
+    if line is not None:
+        return line, line
+    return _smooth(values, period, SPRING_SIDES), curve(values, smoothed, side, period)
 
 
 def _corners_kept(values: Floats, side: int) -> Floats:

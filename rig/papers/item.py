@@ -12,11 +12,15 @@ T = TypeVar("T")
 Value = float | str | None
 """A number in SI units, a word where there is no number, None where nothing was printed."""
 
+DRAWING, DEFINITION = "drawing", "definition"
+"""What is obtained from a picture and from an equation that gives a thing its name."""
+
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One quantity. `printed` is the paper's figure, `obtained` is always computed here; `note` says why they differ.
+    """One quantity. `printed` is the paper's figure, `obtained` is computed here; `note` says why they differ.
 
+    Where a part of the paper says nothing that can be computed, `obtained` is DRAWING or DEFINITION.
     item: the part of the paper where it is printed, such as "eq. (31)"; empty for the item's own.
     """
 
@@ -71,3 +75,13 @@ class Item:
     what: str
     title: str
     run: Callable[[Workbench], Outcome]
+
+
+def drawing(paper: str, number: int, title: str, note: str = "") -> Item:
+    """Give the item of a figure that is a picture; note: where what it shows is to be found."""
+    return Item(paper, f"Fig. {number}", title, lambda _: Outcome((Row(title, None, DRAWING, "", note),)))
+
+
+def definition(equation: int, quantity: str, note: str = "") -> Row:
+    """Give the row of an equation that gives a thing its name; note: what is made of it."""
+    return Row(quantity, None, DEFINITION, "", note, f"eq. ({equation})")

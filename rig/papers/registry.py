@@ -1,24 +1,28 @@
-"""All items of all papers, and how a person names them."""
+"""All items of all papers, how a person names them, and the command that runs one again."""
 
 import re
 from collections.abc import Sequence
 
 from drivers.errors import ConfigError, Mistake
 from rig.papers import both, castejon2009, zhang2014
-from rig.papers.item import Item
+from rig.papers.item import Item, Row
 
 ITEMS: tuple[Item, ...] = (*zhang2014.ITEMS, *castejon2009.ITEMS, *both.ITEMS)
+
+LONGEST = 4
+"""Digits of a number that can be an equation's or a figure's."""
 
 
 def choose(names: Sequence[str], items: Sequence[Item] = ITEMS) -> tuple[Item, ...]:
     """Give the items which one of `names` names, in order; all of them for no name.
 
-    A name is a paper ("zhang2014"), an item ("fig. 12", "eq31") or both ("zhang2014/fig12"), or how one begins ("fig");
-    case, blanks and marks do not count. Raises ConfigError if a name names nothing.
+    A name is a paper ("zhang2014"), an item ("fig. 12"), a number within an item's range ("eq10" of "eq. (7)-(28)"), or
+    both ("zhang2014/eq10"), or how one begins ("fig"); case, blanks and marks do not count. Raises ConfigError if a
+    name names nothing.
     """
     unknown = [name for name in names if not any(_names(name, item) for item in items)]
     if unknown:
-        known = ", ".join(f"{item.paper}/{''.join(_words(item.what))}" for item in items)
+        known = ", ".join(f"{item.paper}/{_short(item.what)}" for item in items)
         raise ConfigError("NAME", [Mistake("NAME", name[:60], f"expected one of {known}") for name in unknown])
     return tuple(item for item in items if not names or any(_names(name, item) for name in names))
 
@@ -29,15 +33,38 @@ def file_name(item: Item, end: str = "") -> str:
     return words.strip("-")
 
 
+def command(item: Item, row: Row) -> str:
+    """Give the command that computes a row again: it runs the row's item."""
+    return f"rig papers {item.paper}/{_short(row.item or item.what)}"
+
+
 def _names(name: str, item: Item) -> bool:
     """Tell whether `name` begins the item's name word by word, a number being a word: fig. 1 is not fig. 12.
 
-    The whole name may be written without a blank between its words, as messages write it.
+    Where the item is a range, numbers within it are names, too.
     """
     wanted, paper, what = _words(name), _words(item.paper), _words(item.what)
-    wholes = (paper + what, what)
-    begins = bool(wanted) and wanted in (whole[: len(wanted)] for whole in wholes)
-    return begins or "".join(wanted) in ("".join(whole) for whole in wholes)
+    if wanted[: len(paper)] == paper:
+        wanted = wanted[len(paper) :]
+        if not wanted:
+            return True
+    elif wanted and wanted == paper[: len(wanted)]:
+        return True
+    return bool(wanted) and (wanted == what[: len(wanted)] or _within(wanted, what))
+
+
+def _within(wanted: list[str], what: list[str]) -> bool:
+    """Tell whether `wanted` is a kind and numbers, such as eq 10, within the range `what`, such as eq 7 28."""
+    if len(what) != 3 or len(wanted) < 2 or wanted[0] != what[0]:
+        return False
+    if not all(number.isdecimal() and len(number) <= LONGEST for number in (*wanted[1:], *what[1:])):
+        return False
+    return all(int(what[1]) <= int(number) <= int(what[2]) for number in wanted[1:])
+
+
+def _short(what: str) -> str:
+    """Give a name to type: eq10, eq7-28, fig12, sec-v-t-fs."""
+    return re.sub(r"(?<=[a-z])-(?=[0-9])", "", "-".join(_words(what)))
 
 
 def _words(text: str) -> list[str]:

@@ -6,9 +6,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from rig.papers.item import Grid, Item, Outcome, Row, Value, Workbench
-from rig.papers.registry import file_name
+from rig.papers.registry import command, file_name
 
-HEADINGS = ("paper", "item", "quantity", "printed", "obtained", "note")
+HEADINGS = ("paper", "item", "quantity", "printed", "obtained", "note", "command")
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ def to_json(done: Sequence[Done]) -> dict[str, object]:
                 "paper": one.item.paper,
                 "what": one.item.what,
                 "title": one.item.title,
-                "rows": [asdict(row) for row in one.outcome.rows],
+                "rows": [{**asdict(row), "command": command(one.item, row)} for row in one.outcome.rows],
                 "tables": [asdict(grid) for grid in one.outcome.grids],
                 "figures": [file.name for file in one.files],
             }
@@ -63,7 +63,9 @@ def to_json(done: Sequence[Done]) -> dict[str, object]:
 def cells(one: Done, row: Row) -> tuple[str, ...]:
     """Give a row of the table as text, in the order of HEADINGS."""
     quantity = f"{row.quantity} [{row.unit}]" if row.unit else row.quantity
-    return (one.item.paper, row.item or one.item.what, quantity, shown(row.printed), shown(row.obtained), row.note)
+    part = row.item or one.item.what
+    figures = shown(row.printed), shown(row.obtained)
+    return (one.item.paper, part, quantity, *figures, row.note, command(one.item, row))
 
 
 def shown(value: Value) -> str:
@@ -75,7 +77,7 @@ def shown(value: Value) -> str:
 
 def to_markdown(done: Sequence[Done]) -> str:
     """Give all rows as one table in Markdown, further tables and the figures after it."""
-    rows = [cells(one, row) for one in done for row in one.outcome.rows]
+    rows = [(*rest, f"`{again}`") for one in done for *rest, again in (cells(one, row) for row in one.outcome.rows)]
     parts = [_markdown_table(HEADINGS, rows)]
     for one in done:
         parts += [f"\n{grid.title}\n\n{_markdown_table(grid.headings, grid.cells)}" for grid in one.outcome.grids]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sim_backend.errors import ModelError
 from sim_backend.model.compiler import load
 from sim_backend.model.effects import Effect
-from sim_backend.model.source import function_source
+from sim_backend.model.source import function_source, operators_of
 
 Floats = NDArray[np.float64]
 
@@ -93,7 +93,8 @@ def _loop(effect: Effect, slope: bool, compiled: bool) -> Callable[..., None]:
     if effect.memory:
         arguments += ["step", "memory"]
     arguments += [f"values[{i}]" for i in range(len(effect.parameters))]
-    parts = [function_source(effect.function, "value")]
+    functions = [effect.function, *([effect.slope] if effect.slope is not None else [])]
+    parts = [operators_of(functions), function_source(effect.function, "value")]
     line = f"outputs[i] = value({', '.join(arguments)})"
     if slope and effect.slope is not None:
         parts.append(function_source(effect.slope, "slope"))

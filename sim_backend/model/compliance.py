@@ -13,7 +13,8 @@ and two older forms of the flexspline's law f, each selectable in its place (`LA
 T_F acts on the flexspline output from outside, T_w is what the wave generator exerts back on the motor shaft, so
 that T_w = -motor_torque at rest and torsion = f(output_torque) + g(motor_torque)/N in logged signals.
 
-For scalars and arrays alike; the laws (24) and (27) are those of the catalogue's base terms.
+For scalars and arrays alike; the laws (24) and (27) are those of the catalogue's base terms. Parameters that no spring
+can have raise ModelError.
 Source: Zhang, Ahmad & Liu, "Modeling of Torsional Compliance and Hysteresis Behaviors in Harmonic Drives".
 """
 
@@ -27,8 +28,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_backend.errors import ModelError
+from sim_backend.model.checks import require
 from sim_backend.model.effects.flexspline_compliance import flexspline_compliance
 from sim_backend.model.effects.wave_generator_compliance import wave_generator_compliance
+from sim_backend.model.estimation import check_torques
 
 Floats = NDArray[np.float64]
 
@@ -41,16 +44,43 @@ class Compliance(StrEnum):
     PIECEWISE = "piecewise"
 
 
+def check_flexspline(K_F0: float, C_F: float) -> None:
+    """Raise ModelError for parameters that the law (24) cannot have."""
+    require("K_F0", K_F0, "N*m/rad", "f(T_F) = arctan(C_F T_F)/(C_F K_F0), Zhang (24),", above=0.0)
+    require("C_F", C_F, "1/(N*m)", "f(T_F) = arctan(C_F T_F)/(C_F K_F0), Zhang (24),", above=0.0)
+
+
+def check_wave_generator(K_w0: float, C_w: float) -> None:
+    """Raise ModelError for parameters that the law (27) cannot have."""
+    require("K_w0", K_w0, "N*m/rad", "g(T_w) = (1 - exp(-C_w |T_w|))/(C_w K_w0), Zhang (27),", above=0.0)
+    require("C_w", C_w, "1/(N*m)", "g(T_w) = (1 - exp(-C_w |T_w|))/(C_w K_w0), Zhang (27),", above=0.0)
+
+
+def check_cubic(a1: float, a3: float) -> None:
+    """Raise ModelError for parameters that the law (10) cannot have."""
+    require("a1", a1, "N*m/rad", "T = a1 f + a3 f^3, Zhang (10),", above=0.0)
+    require("a3", a3, "N*m/rad^3", "T = a1 f + a3 f^3, Zhang (10), which must not fall,", low=0.0)
+
+
+def check_piecewise(K1: float, K2: float, K3: float, T1: float, T2: float) -> None:
+    """Raise ModelError for parameters that the law (11) cannot have."""
+    for name, stiffness in (("K1", K1), ("K2", K2), ("K3", K3)):
+        require(name, stiffness, "N*m/rad", "f = T/K1 up to T1, Zhang (11),", above=0.0)
+    check_torques(T1, T2)
+
+
 def flexspline_torsion(torque: Floats, K_F0: float, C_F: float) -> Floats:
     """Torsion of the flexspline, rad at the output, for an output torque in N*m. Equation (24).
 
     K_F0: stiffness at zero torque, N*m/rad. C_F: 1/(N*m); positive.
     """
+    check_flexspline(K_F0, C_F)
     return flexspline_compliance(torque, K_F0, C_F)
 
 
 def flexspline_stiffness(torque: Floats, K_F0: float, C_F: float) -> Floats:
     """Local stiffness of the flexspline, N*m/rad, at an output torque in N*m. Equation (22)."""
+    check_flexspline(K_F0, C_F)
     return K_F0 * (1.0 + (C_F * torque) ** 2)
 
 
@@ -59,6 +89,7 @@ def flexspline_torque(torsion: Floats, K_F0: float, C_F: float) -> Floats:
 
     Raises ModelError at or beyond pi/(2 C_F K_F0), the torsion that (24) reaches under no torque.
     """
+    check_flexspline(K_F0, C_F)
     most = np.pi / (2.0 * C_F * K_F0)
     largest = float(np.max(np.abs(torsion), initial=0.0))
     if not largest < most:
@@ -68,11 +99,13 @@ def flexspline_torque(torsion: Floats, K_F0: float, C_F: float) -> Floats:
 
 def cubic_torque(torsion: Floats, a1: float, a3: float) -> Floats:
     """Output torque, N*m, at a torsion in rad. Equation (10). a1: N*m/rad, positive. a3: N*m/rad^3, not negative."""
+    check_cubic(a1, a3)
     return torsion * (a1 + a3 * np.square(torsion))
 
 
 def cubic_torsion(torque: Floats, a1: float, a3: float) -> Floats:
     """Torsion, rad, for an output torque in N*m: the real root of (10), in closed form."""
+    check_cubic(a1, a3)
     if a3 == 0.0:
         return torque / a1
     size = math.sqrt(a1 / (3.0 * a3))
@@ -86,6 +119,7 @@ def cubic_stiffness(torque: Floats, a1: float, a3: float) -> Floats:
 
 def piecewise_torsion(torque: Floats, K1: float, K2: float, K3: float, T1: float, T2: float) -> Floats:
     """Torsion, rad, for an output torque in N*m. Equation (11), odd. K1, K2, K3: N*m/rad. T1 < T2: N*m."""
+    check_piecewise(K1, K2, K3, T1, T2)
     size = np.abs(torque)
     first, second = np.minimum(size, T1), np.clip(size - T1, 0.0, T2 - T1)
     return np.sign(torque) * (first / K1 + second / K2 + np.maximum(size - T2, 0.0) / K3)
@@ -93,6 +127,7 @@ def piecewise_torsion(torque: Floats, K1: float, K2: float, K3: float, T1: float
 
 def piecewise_torque(torsion: Floats, K1: float, K2: float, K3: float, T1: float, T2: float) -> Floats:
     """Output torque, N*m, at a torsion in rad: the inverse of (11)."""
+    check_piecewise(K1, K2, K3, T1, T2)
     size = np.abs(torsion)
     end1, width2 = T1 / K1, (T2 - T1) / K2
     first, second = np.minimum(size, end1), np.clip(size - end1, 0.0, width2)
@@ -101,6 +136,7 @@ def piecewise_torque(torsion: Floats, K1: float, K2: float, K3: float, T1: float
 
 def piecewise_stiffness(torque: Floats, K1: float, K2: float, K3: float, T1: float, T2: float) -> Floats:
     """Local stiffness, N*m/rad, at an output torque in N*m: the slope of (11); at T1 and T2 as printed there."""
+    check_piecewise(K1, K2, K3, T1, T2)
     size = np.abs(torque)
     return np.where(size <= T1, K1, np.where(size < T2, K2, K3))
 
@@ -110,11 +146,13 @@ def wave_generator_torsion(torque: Floats, K_w0: float, C_w: float) -> Floats:
 
     K_w0: stiffness at zero torque, N*m/rad at the motor. C_w: 1/(N*m); positive.
     """
+    check_wave_generator(K_w0, C_w)
     return wave_generator_compliance(torque, K_w0, C_w, 1.0)
 
 
 def wave_generator_stiffness(torque: Floats, K_w0: float, C_w: float) -> Floats:
     """Local stiffness of the wave generator, N*m/rad at the motor. Equation (25)."""
+    check_wave_generator(K_w0, C_w)
     return K_w0 * np.exp(C_w * np.abs(torque))
 
 
@@ -123,6 +161,7 @@ def wave_generator_torque(torsion: Floats, K_w0: float, C_w: float) -> Floats:
 
     Raises ModelError at or beyond 1/(C_w K_w0), the torsion that (27) reaches under no torque.
     """
+    check_wave_generator(K_w0, C_w)
     most = 1.0 / (C_w * K_w0)
     largest = float(np.max(np.abs(torsion), initial=0.0))
     if not largest < most:
@@ -166,4 +205,5 @@ def total_torsion(flexspline: Floats, wave_generator_torque: Floats, ratio: floa
 
     flexspline: its torsion, rad, after any of the laws. wave_generator_torque: T_w, N*m, as it acts back on the motor.
     """
+    require("ratio", ratio, "", "torsion = f(T_F) - g(T_w)/N, Zhang (28),", low=1.0)
     return flexspline - wave_generator_torsion(wave_generator_torque, K_w0, C_w) / ratio

@@ -15,6 +15,9 @@ from sim_backend.model.compliance import LAWS
 from sim_backend.model.effects import ActiveEffect
 from sim_backend.model.parameters import PlantConfig
 
+STIFFNESS_APART = 2.0
+"""Factor by which the stiffness that an effect is given may differ from that of the drive's flexspline at rest."""
+
 MOST_CONSTANT_ERROR = 0.5
 """Largest sum of errors of the torque constant. The drive reads with the torque of the tick before, so that its torque
 settles by this factor in every tick, and not at all from 1 on."""
@@ -31,11 +34,21 @@ def check_effects(effects: Sequence[ActiveEffect], config: PlantConfig) -> None:
 
 
 def _check_known(effects: Sequence[ActiveEffect], config: PlantConfig) -> None:
-    """Raise ModelError if an effect was given another ratio or torque constant than the bench has."""
+    """Raise ModelError if an effect was given another ratio, torque constant or stiffness than the bench has.
+
+    The stiffness may differ by a factor of STIFFNESS_APART: what is fitted often is not what a catalogue says.
+    """
     own = {"ratio": config.drive.ratio, "torque_constant": config.torque_constant}
+    at_rest = config.stiffness_at_rest
     for active in effects:
         for parameter, value in zip(active.effect.parameters, active.values, strict=True):
             name = parameter.name
+            if parameter.known and name == "stiffness" and abs(math.log(value / at_rest)) > math.log(STIFFNESS_APART):
+                raise ModelError(
+                    f"{active.effect.id}: stiffness = {value!r} {parameter.unit} contradicts the drive, which has "
+                    f"{at_rest:.6g} {parameter.unit} at rest: between {at_rest / STIFFNESS_APART:.6g} and "
+                    f"{at_rest * STIFFNESS_APART:.6g} {parameter.unit}; {active.effect.equation} needs it."
+                )
             if parameter.known and name in own and not math.isclose(value, own[name], rel_tol=1e-9):
                 unit = "" if parameter.unit == "1" else f" {parameter.unit}"
                 raise ModelError(

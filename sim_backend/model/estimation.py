@@ -7,9 +7,16 @@ whose constants a1 and a3 the paper leaves "to be determined", alike.
 
 import math
 
-from sim_backend.errors import ModelError
 from sim_backend.model import limits
+from sim_backend.model.checks import require
 from sim_backend.model.limits import require_numbers, require_within
+
+_STIFFENING = "C_F = 2 sqrt((K2 - K1)/(K1 (T1+T2)^2 - K2 T1^2)), Zhang (32),"
+LOSS = "K_w0 = 2 T_fs/(N Psi), Zhang (33),"
+PIECEWISE = "f = T1/K1 + (T - T1)/K2 from T1 to T2, Zhang (11),"
+"""What needs the catalogue's torques and stiffnesses, whatever law is fitted."""
+
+_CUBIC = "T = a1 f + a3 f^3, Zhang (10),"
 
 
 def flexspline_from_catalogue(K1: float, K2: float, T1: float, T2: float) -> tuple[float, float]:
@@ -18,9 +25,9 @@ def flexspline_from_catalogue(K1: float, K2: float, T1: float, T2: float) -> tup
     K1, K2: N*m/rad; T1, T2: N*m. The paper prints C_F = 0.089 for its drive: (32) with its leading 2 applied twice.
     Raises ModelError unless all are within `limits.CATALOGUE`, T1 < T2 and K1 < K2 < K1 ((T1+T2)/T1)^2.
     """
-    _demand_catalogue(K1, K2, T1, T2, "(32)")
+    _demand_catalogue(K1, K2, T1, T2, _STIFFENING)
     outer = (T1 + T2) ** 2
-    _demand("K2", K2, "N*m/rad", K1, K1 * outer / T1**2, "(32)")
+    require("K2", K2, "N*m/rad", _STIFFENING, above=K1, below=K1 * outer / T1**2)
     K_F0 = K1 + (K1 - K2) * T1**2 / (outer - T1**2)
     return K_F0, 2.0 * math.sqrt((K2 - K1) / (K1 * outer - K2 * T1**2))
 
@@ -44,9 +51,9 @@ def cubic_from_catalogue(K1: float, K2: float, T1: float, T2: float) -> tuple[fl
     Raises ModelError unless all are within `limits.CATALOGUE`, T1 < T2 and K1 < K2 < K1 ((T1+T2)/T1)^(2/3): a cubic
     without a linear part stiffens by as much.
     """
-    _demand_catalogue(K1, K2, T1, T2, "(10)")
+    _demand_catalogue(K1, K2, T1, T2, _CUBIC)
     low, high = 0.5 * T1, 0.5 * (T1 + T2)
-    _demand("K2", K2, "N*m/rad", K1, K1 * (high / low) ** (2.0 / 3.0), "(10)")
+    require("K2", K2, "N*m/rad", _CUBIC, above=K1, below=K1 * (high / low) ** (2.0 / 3.0))
 
     def constants(torsion: float) -> tuple[float, float]:
         """Give a1 and a3 of the cubic that has torque `low` and stiffness K1 at this torsion."""
@@ -75,14 +82,13 @@ def _cubic_stiffness(torque: float, a1: float, a3: float) -> float:
     return a1 * (1.0 + 4.0 * math.sinh(math.asinh(1.5 * torque / (a1 * size)) / 3.0) ** 2)
 
 
+def check_torques(T1: float, T2: float, equation: str = PIECEWISE) -> None:
+    """Raise ParameterError unless the torques at which the catalogue's stiffness changes (N*m) are in order."""
+    require("T1", T1, "N*m", equation, above=0.0)
+    require("T2", T2, "N*m", equation, above=T1)
+
+
 def _demand_catalogue(K1: float, K2: float, T1: float, T2: float, equation: str) -> None:
     require_numbers(limits.CATALOGUE, {"K2": K2})
     require_within(limits.CATALOGUE, {"K1": K1, "T1": T1, "T2": T2})
-    _demand("T2", T2, "N*m", T1, math.inf, equation)
-
-
-def _demand(name: str, value: float, unit: str, above: float, below: float, equation: str) -> None:
-    if math.isfinite(value) and above < value < below:
-        return
-    upper = f" and below {below:.6g}" if math.isfinite(below) else ""
-    raise ModelError(f"{name} = {value!r} {unit} must be finite, above {above:.6g}{upper} {unit} for {equation}.")
+    check_torques(T1, T2, equation)

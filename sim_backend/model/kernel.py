@@ -12,7 +12,7 @@ from sim_backend.model import constants, coupling, drive_loop, effect_sums, rim,
 from sim_backend.model.compliance import Compliance
 from sim_backend.model.effects import ActiveEffect, Effect, Enters
 from sim_backend.model.machine_code import Bound, bind
-from sim_backend.model.source import definitions, function_source
+from sim_backend.model.source import definitions, function_source, operators_of
 
 FLEXSPLINE_SIGNALS = ("output_torque", "flexspline_torsion")
 """Signals besides `effect_sums.Signals`; an effect in the torsion that takes one lies in series with the flexspline."""
@@ -127,7 +127,8 @@ def kernel_source(effects: Sequence[Effect], law: Compliance = Compliance.ARCTAN
         return " + ".join(["0.0", *calls])
 
     first = stepper.STATE_SIZE
-    functions = [function_source(p.effect.function, f"effect_{p.number}") for p in placed]
+    called = [f for p in placed for f in (p.effect.function, p.effect.slope) if f is not None]
+    functions = [operators_of(called), *(function_source(p.effect.function, f"effect_{p.number}") for p in placed)]
     functions += [
         function_source(p.effect.slope, f"effect_{p.number}_slope") for p in placed if p.effect.slope is not None
     ]

@@ -13,6 +13,7 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from sim_backend.errors import ModelError
+from sim_backend.model.checks import require
 
 
 class Member(StrEnum):
@@ -40,9 +41,11 @@ def motion(
 ) -> Members:
     """Give the angles or speeds of all three members from those of any two; (1), (2).
 
-    A member that is held is given as 0. Raises ModelError unless exactly two are given or if `ratio` is below 1.
+    A member that is held is given as 0. Raises ModelError unless exactly two are given and finite, or if `ratio` is
+    below 1.
     """
     N = _ratio(ratio)
+    _finite("rad or rad/s", "(1)", wave_generator, circular_spline, flexspline)
     match wave_generator, circular_spline, flexspline:
         case None, float() | int() as c, float() | int() as f:
             return Members((N + 1.0) * c - N * f, c, f)
@@ -63,9 +66,10 @@ def torques(
 ) -> Members:
     """Give the torques of all three members from that of any one, N*m; (3).
 
-    Raises ModelError unless exactly one is given or if `ratio` is below 1.
+    Raises ModelError unless exactly one is given and finite, or if `ratio` is below 1.
     """
     N = _ratio(ratio)
+    _finite("N*m", "(3)", wave_generator, circular_spline, flexspline)
     match wave_generator, circular_spline, flexspline:
         case float() | int() as w, None, None:
             return Members(w, (N + 1.0) * w, -N * w)
@@ -107,10 +111,18 @@ def wave_generator_torque(ratio: float, flexspline: float, friction: float) -> f
 
     flexspline: torque at the output, N*m. friction: torque T_Fr of dry friction there, N*m, signed.
     """
+    require("flexspline", flexspline, "N*m", "equation (9)")
+    require("friction", friction, "N*m", "equation (9)")
     return -(flexspline - friction) / _ratio(ratio)
 
 
 def _ratio(ratio: float) -> float:
-    if not 1.0 <= ratio <= 1e9:
-        raise ModelError(f"ratio = {ratio!r} must be finite, at least 1 and at most 1e9 for equation (1).")
+    require("ratio", ratio, "", "equation (1)", low=1.0, high=1e9)
     return float(ratio)
+
+
+def _finite(unit: str, equation: str, *values: float | None) -> None:
+    """Raise ModelError unless each of the members' values, in the order of `Members`, is finite or not given."""
+    for name, value in zip(Members._fields, values, strict=True):
+        if value is not None:
+            require(name, value, unit, f"equation {equation}")

@@ -9,7 +9,7 @@ from sim_backend.errors import ModelError
 from sim_backend.model import limits
 from sim_backend.model.checks import require
 from sim_backend.model.compliance import Compliance
-from sim_backend.model.estimation import flexspline_from_catalogue, wave_generator_from_tests
+from sim_backend.model.estimation import check_torques, flexspline_from_catalogue, wave_generator_from_tests
 from sim_backend.model.limits import require_within
 
 DAMPING_SHARE = 0.9
@@ -98,7 +98,7 @@ class Piecewise:
 
     def __post_init__(self) -> None:
         require_within(limits.PIECEWISE, _numbers(self))
-        require("T2", self.T2, "N*m", "f = T1/K1 + (T - T1)/K2 from T1 to T2, Zhang (11),", above=self.T1)
+        check_torques(self.T1, self.T2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +160,7 @@ class PlantConfig:
     winding_resistance: float | None = None
 
     def __post_init__(self) -> None:
-        if self.rotation is not Rotation.OPPOSED:
+        if self.rotation != Rotation.OPPOSED:
             raise ModelError(
                 f"rotation = {str(self.rotation)!r}: the simulated bench turns its output against the motor only. "
                 f"Use 'opposed', or mirror the motor's signals before they reach the model."
@@ -243,6 +243,17 @@ class PlantConfig:
                 return Compliance.CUBIC
             case Piecewise():
                 return Compliance.PIECEWISE
+
+    @property
+    def stiffness_at_rest(self) -> float:
+        """The flexspline's stiffness without torque, N*m/rad, after its own law."""
+        match self.flexspline:
+            case None:
+                return self.drive.K_F0
+            case Cubic(a1):
+                return a1
+            case Piecewise(K1):
+                return K1
 
     @property
     def motor_inertia(self) -> float:

@@ -3,14 +3,15 @@
 import ast
 import inspect
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from types import ModuleType
 
 from sim_backend.errors import ModelError
+from sim_backend.model.effects import operators
 
 ALLOWED_GLOBALS = frozenset({"math", "np", "abs", "min", "max", "float", "int", "bool", "range", "round"})
-"""What an effect's function may use besides its arguments: a generated module has these and nothing else."""
+"""What an effect's function may use besides its arguments and the operators: a generated module has nothing else."""
 
 
 @cache
@@ -45,15 +46,29 @@ def function_source(function: Callable[..., float], name: str) -> str:
         raise ModelError(f"{function!r} cannot be compiled: an effect is a plain function written with def.")
     used = inspect.getclosurevars(function)
     foreign = (set(used.globals) | set(used.nonlocals) | set(used.builtins) | used.unbound) - ALLOWED_GLOBALS
+    foreign -= _operators(function)
     foreign -= {attribute.attr for attribute in ast.walk(node) if isinstance(attribute, ast.Attribute)}
     if foreign:
         raise ModelError(
             f"{node.name}() cannot be compiled: it uses {', '.join(sorted(foreign))}. An effect's function may use "
-            f"its arguments and {', '.join(sorted(ALLOWED_GLOBALS))}; write other constants inside it."
+            f"its arguments, {', '.join(sorted(ALLOWED_GLOBALS))} and the operators of {operators.__name__}; write "
+            f"other constants inside it."
         )
     node.name = name
     node.decorator_list = []
     return _decorated(node)
+
+
+def operators_of(functions: Iterable[Callable[..., float]]) -> str:
+    """Give the definitions of the operators that the functions call, each once; `function_source` leaves them out."""
+    used = set().union(*(_operators(function) for function in functions))
+    return definitions(operators, *sorted(used)) if used else ""
+
+
+def _operators(function: Callable[..., float]) -> set[str]:
+    """Give the names of the operators that the function calls by these names."""
+    used = inspect.getclosurevars(function).globals
+    return {name for name, value in used.items() if value is getattr(operators, name, None) and callable(value)}
 
 
 def _decorated(node: ast.stmt) -> str:

@@ -16,11 +16,20 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_backend.errors import ModelError
+from sim_backend.model.checks import require, require_all
 from sim_backend.model.friction import play
 from sim_backend.model.parameters import HarmonicDrive
 
 Floats = NDArray[np.float64]
+
+_MASS = "m x'' + c x' + K_b x = F - friction, Delta X = F/K_a + F_b/K_b,"
+_UNITS = {
+    "K_a": "N/m or N*m/rad",
+    "K_b": "N/m or N*m/rad",
+    "friction": "N or N*m",
+    "mass": "kg or kg*m^2",
+    "damping": "N*s/m or N*m*s/rad",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,11 +44,8 @@ class TwoSprings:
 
     def __post_init__(self) -> None:
         for item in fields(self):
-            value = getattr(self, item.name)
-            least = 0.0 if item.name in ("friction", "damping") else math.ulp(0.0)
-            if not (math.isfinite(value) and value >= least):
-                rule = "at least 0" if least == 0.0 else "above 0"
-                raise ModelError(f"{item.name} = {value!r} must be finite and {rule} for the two-spring analogue.")
+            lowest = {"low": 0.0} if item.name in ("friction", "damping") else {"above": 0.0}
+            require(item.name, getattr(self, item.name), _UNITS[item.name], _MASS, **lowest)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +75,7 @@ def analogue_of(drive: HarmonicDrive, motor_inertia: float) -> TwoSprings:
 
 def quasi_static(force: Floats, springs: TwoSprings) -> Path:
     """Give the path under a force (n,) that changes slowly, from rest without force: F_b = play(F; F_fr)."""
+    require_all("force", force, "N or N*m", _MASS)
     return _path(force, play(force, springs.friction), springs)
 
 
@@ -76,10 +83,11 @@ def moving(force: Floats, step: float, springs: TwoSprings) -> Path:
     """Give the path under a force (n,) sampled every `step` (s), from rest without force, with the mass moving.
 
     The implicit Euler step solves for the speed with friction as its return mapping: the mass stops where friction
-    can take up what is left of its momentum. Of first order in the step. Raises ModelError if `step` is not positive.
+    can take up what is left of its momentum. Of first order in the step. Raises ModelError if `step` is not positive
+    or a force not finite.
     """
-    if not (math.isfinite(step) and step > 0.0):
-        raise ModelError(f"step = {step!r} s must be finite and above 0.")
+    require("step", step, "s", "the implicit Euler step", above=0.0)
+    require_all("force", force, "N or N*m", _MASS)
     s = springs
     carried = s.mass + step * s.damping + step**2 * s.K_b
     most = step * s.friction

@@ -17,6 +17,7 @@ Floats = np.ndarray
 Signals = dict[str, Floats]
 
 PROCEDURES = {"starting-torque", "locked-output", "backdrive", "free-run"}
+CONDITIONS = {"", " (loaded)", " (fast)", " (warming up)"}
 UNITS = {Enters.TORSION: "rad", Enters.MOTOR_BALANCE: "N*m", Enters.OUTPUT_BALANCE: "N*m", Enters.FRICTION: "N*m"}
 UNIT_WORDS = {"1", "rad", "N", "m", "s", "A", "K", "degC", "kg", "Hz", "rev", "counts"}
 CURVES = ("sine", "nested", "two frequencies")
@@ -100,7 +101,7 @@ def test_the_entry_is_complete(effect: Effect):
     assert CATALOGUE[effect.id] is effect
     assert re.fullmatch(r"[a-z]+(-[a-z]+)*", effect.id)
     assert inspect.getmodule(effect.function).__name__.endswith(f".{effect.id.replace('-', '_')}")
-    assert set(effect.shows) <= PROCEDURES
+    assert set(effect.shows) <= {f"{name}{condition}" for name in PROCEDURES for condition in CONDITIONS}
 
 
 @over(ALL)
@@ -123,7 +124,9 @@ def test_units_and_ranges_are_sane(effect: Effect):
     names = [p.name for p in effect.parameters]
     assert len(set(names)) == len(names)
     for p in effect.parameters:
-        assert p.low <= p.typical <= p.high
+        usual_low, usual_high = p.usual
+        assert p.low <= usual_low <= p.typical <= usual_high <= p.high, p.name
+        assert usual_low < usual_high
         assert p.low < p.high
         assert all(math.isfinite(value) for value in (p.low, p.typical, p.high))
         assert set(re.findall(r"[A-Za-z]+|1", re.sub(r"\^\d", "", p.unit))) <= UNIT_WORDS, p.unit

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim_backend.errors import ModelError
-from sim_backend.model.effects import CATALOGUE, ActiveEffect, Effect, Energy, Enters, Shape
+from sim_backend.model.effects import CATALOGUE, ActiveEffect, Effect, Enters, Shape
 from sim_backend.model.parameters import HarmonicDrive, PlantConfig
 from sim_backend.plant import Plant, PlantTruth
 from sim_backend.ports import AxisMode, PlantReading
@@ -17,8 +17,6 @@ DRIVE = HarmonicDrive.from_catalogue(
 WARM = PlantConfig(DRIVE, temperature=45.0, motor_temperature=45.0)
 IN_PLANT = [effect for effect in CATALOGUE.values() if effect.enters is not Enters.BASE]
 MOVING = [effect for effect in IN_PLANT if effect.enters is not Enters.READING]
-CONSERVATIVE = [effect for effect in MOVING if effect.energy is Energy.CONSERVATIVE]
-DISSIPATIVE = [effect for effect in MOVING if effect.energy is Energy.DISSIPATIVE]
 
 
 def over(effects: list[Effect]):
@@ -94,31 +92,6 @@ def test_the_energy_account_closes_with_it_and_better_so_at_a_finer_step(effect:
     finer, _ = balance(round_trip([typical(effect)], step=5e-6)[0])
     # second order gives a sixteenth; nearly all of it comes of one jolt, in which the steps are too long for the rule
     assert finer < 0.2 * error
-
-
-@over(CONSERVATIVE)
-def test_without_friction_and_dampers_energy_is_conserved_with_it(effect: Effect):
-    """What the effect holds at the end it gives back: it is at rest without torque then."""
-    drive = HarmonicDrive(100.0, DRIVE.K_F0, DRIVE.C_F, DRIVE.K_w0, DRIVE.C_w, friction_torque=0.0)
-    config = dataclasses.replace(
-        WARM, drive=drive, wave_generator_damping=0.0, flexspline_damping=0.0, fixture_damping=0.0
-    )
-    plant = Plant(config, [typical(effect)])
-    plant.command("motor", AxisMode.TORQUE, 0.03)
-    plant.command("load", AxisMode.TORQUE, 0.5)
-    plant.advance_to(0.06)
-    now = plant.truth()
-    assert now.heat == 0.0
-    # second order in the step: what is left at 2e-5 s is far below the 1e-4 which the bench promises
-    assert now.work - now.stored - now.effect_work == pytest.approx(0.0, abs=1e-5 * now.work)
-
-
-@over(DISSIPATIVE)
-def test_it_takes_energy_and_gives_none(effect: Effect):
-    rows, _ = round_trip([typical(effect)])
-    heat = np.array([row.heat for row in rows])
-    assert np.all(np.diff(heat) >= 0.0)
-    assert rows[-1].effect_work >= 0.0
 
 
 JUMPS = ("backlash",)

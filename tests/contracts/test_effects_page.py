@@ -1,5 +1,6 @@
 """docs/effects.md says of every effect what the registry says: a row for each, cell by cell."""
 
+import inspect
 import re
 from pathlib import Path
 
@@ -64,3 +65,14 @@ def test_every_group_has_its_section():
     sections = re.findall(r"^## (.*)$", PAGE.read_text("utf-8"), flags=re.M)
     for enters in Enters:
         assert any(section.lower() == str(enters) for section in sections), enters
+
+
+def test_the_page_and_the_effects_files_say_alike_what_the_laws_leave_out():
+    listed = {row["effect"]: row["left out"] for row in rows() if "left out" in row}
+    said = {}
+    for effect in CATALOGUE.values():
+        text = " ".join((inspect.getmodule(effect.function).__doc__ or "").split())
+        match = re.search(r"Left out: ([^.]*)\.", text)
+        if match:
+            said[effect.id] = match[1]
+    assert listed == said

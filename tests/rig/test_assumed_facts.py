@@ -46,3 +46,14 @@ def test_nothing_is_guessed_about_a_complete_dut(tmp_path: Path) -> None:
     assert "for the procedures" not in answer.stderr
     (log,) = load_runs([tmp_path])
     assert "assumed" not in log.metadata
+
+
+def test_a_dut_without_ratio_is_refused_with_range_and_equation(tmp_path: Path) -> None:
+    dut = tmp_path / "thin.toml"
+    dut.write_text('name = "thin"\n', encoding="utf-8")
+    answer = run(tmp_path / "runs", "--dut", dut)
+    assert answer.exit_code == 2
+    words = " ".join(answer.stderr.split())
+    assert "gear.ratio = None: missing; it scales torques and speeds of the procedures: at least 1 and at most" in words
+    assert "theta_m = -N theta_o, Zhang (4), needs it" in words
+    assert "gear.rated_torque = None: missing;" in words

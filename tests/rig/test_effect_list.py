@@ -23,7 +23,7 @@ def test_everything_is_printed_within_80_columns():
             assert text in words, effect.id
         for p in effect.parameters:
             assert f"{p.name} {p.low:g} to {p.high:g}" in words
-            assert f"typically {p.typical:g}: {p.meaning}" in words
+            assert f"usually {p.usual[0]:g} to {p.usual[1]:g}, typically {p.typical:g}: {p.meaning}" in words
 
 
 def test_effects_stand_below_where_they_enter():
@@ -61,6 +61,7 @@ def test_json_holds_the_whole_entry():
         for name in ("signals", "amplitudes", "shows", "confusable"):
             assert record[name] == list(getattr(effect, name))
         for given, p in zip(record["parameters"], effect.parameters, strict=True):
+            assert given.pop("usual") == list(p.usual)
             assert given == {
                 name: getattr(p, name) for name in ("name", "unit", "low", "high", "typical", "known", "meaning")
             }

@@ -11,7 +11,7 @@ def make(function, enters: Enters, *values: float, **changes) -> ActiveEffect:
     memory = changes.get("memory", 0)
     names = function.__code__.co_varnames[: function.__code__.co_argcount]
     parameters = tuple(
-        Parameter(name, "", -1e9, 1e9, value, "of a test")
+        Parameter(name, "", -1e9, 1e9, value, (value, value), "of a test")
         for name, value in zip(names[len(names) - len(values) :], values, strict=True)
     )
     effect = dataclasses.replace(

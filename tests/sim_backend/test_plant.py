@@ -11,7 +11,7 @@ from sim_backend.errors import ModelError, NotFiniteError
 from sim_backend.model.compliance import flexspline_torsion, wave_generator_torsion
 from sim_backend.model.effects import CATALOGUE, ActiveEffect
 from sim_backend.model.friction import play
-from sim_backend.model.parameters import HarmonicDrive, PlantConfig
+from sim_backend.model.parameters import HarmonicDrive, Piecewise, PlantConfig
 from sim_backend.plant import Plant, PlantTruth
 from sim_backend.ports import AxisMode, PlantPort
 from tests.sim_backend import small_effects as fx
@@ -878,6 +878,20 @@ def test_the_bench_starts_without_torque_wherever_the_effects_put_it():
     now = plant.truth()
     assert now.output_position == 1e-4 * math.sin(0.3)
     assert now.motor_position == now.flexspline_torque == 0.0
+
+
+def test_creep_may_assume_another_stiffness_within_a_factor_of_two():
+    creep = CATALOGUE["creep"]
+    soft = dataclasses.replace(CONFIG, flexspline=Piecewise(3e3, 4e3, 5e3, 3.9, 12.0))
+    for config, stiffness in ((CONFIG, 4200.0), (CONFIG, 16600.0), (soft, 5900.0)):
+        Plant(config, (ActiveEffect(creep, (0.03, 20.0, stiffness)),))
+    for config, stiffness, range_ in (
+        (CONFIG, 833.6, "between 4167.99 and 16672 N"),
+        (CONFIG, 1e5, "between 4167.99 and 16672 N"),
+        (soft, 8336.0, "between 1500 and 6000 N"),
+    ):
+        with pytest.raises(ModelError, match=rf"creep: stiffness = {stiffness} N\*m/rad contradicts .*{range_}.*tors"):
+            Plant(config, (ActiveEffect(creep, (0.03, 20.0, stiffness)),))
 
 
 def test_an_effect_that_assumes_another_bench_is_refused():

@@ -18,8 +18,8 @@ from rig.papers.castejon2009.bench import (
     rpm,
     steady_run,
 )
-from rig.papers.castejon2009.dynamics import double_counts
 from rig.papers.castejon2009.spectra import amplitude_spectrum, highest_bin, line_order, order_spectrum
+from rig.papers.castejon2009.tables import double_counts
 from rig.papers.figures import label, new_figure
 from rig.papers.item import Outcome, Row, Workbench
 from sim_backend.model.error_parts import flexible_share

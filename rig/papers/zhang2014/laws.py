@@ -1,4 +1,4 @@
-"""Equations (7)-(28) and (36): the model's laws, each against another way to the same number."""
+"""Equations (10), (11), (22)-(28) and (36): the model's laws, each against another way to the same number."""
 
 from collections.abc import Callable
 
@@ -10,6 +10,7 @@ from rig.papers.zhang2014.drive import (
     BACKDRIVING_TORQUE,
     RATED_TORQUE,
     RATIO,
+    STARTING_TORQUE,
     T2,
     flexspline_parameters,
     paper_drive,
@@ -19,57 +20,61 @@ from sim_backend.model.compliance import (
     cubic_stiffness,
     cubic_torque,
     flexspline_stiffness,
+    flexspline_torque,
     flexspline_torsion,
     piecewise_torsion,
     total_torsion,
     wave_generator_stiffness,
+    wave_generator_torque,
     wave_generator_torsion,
 )
 from sim_backend.model.friction import backdriving_torque, play
-from sim_backend.model.kinematics import motion, wave_generator_torque
 
 Floats = NDArray[np.float64]
 
 
-def laws(_: Workbench) -> Outcome:
-    """Give friction, decomposition and compliance laws; equations that say what (1)-(6) say are checked with them."""
-    drive = paper_drive()
+def older_laws(_: Workbench) -> Outcome:
+    """Give the cubic and the piecewise linear law."""
     a1, a3 = flexspline_parameters(Compliance.CUBIC)
-    rated = np.array([RATED_TORQUE])
-    motor = RATED_TORQUE / RATIO
-    held = wave_generator_torque(RATIO, RATED_TORQUE, drive.friction_torque)
     torsion = np.linspace(-1.5e-3, 1.5e-3, 7)
     slope = (cubic_torque(torsion + 1e-7, a1, a3) - cubic_torque(torsion - 1e-7, a1, a3)) / 2e-7
     local = cubic_stiffness(cubic_torque(torsion, a1, a3), a1, a3)
-    flexspline = flexspline_torsion(rated, drive.K_F0, drive.C_F)
-    whole = total_torsion(flexspline, np.array([-motor]), RATIO, drive.K_w0, drive.C_w)
-    integral = _integral(lambda T: 1.0 / flexspline_stiffness(T, drive.K_F0, drive.C_F), RATED_TORQUE)
-    generator = _integral(lambda T: 1.0 / wave_generator_stiffness(T, drive.K_w0, drive.C_w), motor)
     return Outcome(
         (
-            Row("T_w under 16 N*m and friction of 1.2 N*m", None, held, "N*m", "", "eq. (7)-(9)"),
             Row("a1", None, a1, "N*m/rad", "not printed; see estimation.cubic_from_catalogue", "eq. (10)"),
             Row("a3", None, a3, "N*m/rad^3", "not printed", "eq. (10)"),
             Row("stiffness less dT/dtorsion, share", 0.0, _worst(local, slope), "1", "by differences", "eq. (10)"),
             Row("torsion at T2", None, _at(T2), "rad", "", "eq. (11)"),
             Row("torsion at -T2", None, _at(-T2), "rad", "odd; printed for T_F >= 0 only", "eq. (11)"),
-            Row("(19) less (21)", 0.0, _decomposed(), "rad", "random angles, largest of 100", "eq. (12)-(21)"),
+        )
+    )
+
+
+def laws(_: Workbench) -> Outcome:
+    """Give both springs' laws: stiffness against the slope of the inverse, torsion against an integral."""
+    drive = paper_drive()
+    rated, motor = np.array([RATED_TORQUE]), np.array([RATED_TORQUE / RATIO])
+    flexspline = flexspline_torsion(rated, drive.K_F0, drive.C_F)
+    wave_generator = wave_generator_torsion(motor, drive.K_w0, drive.C_w)
+    whole = total_torsion(flexspline, -motor, RATIO, drive.K_w0, drive.C_w)
+    by_23 = _integral(lambda T: 1.0 / flexspline_stiffness(T, drive.K_F0, drive.C_F), RATED_TORQUE)
+    by_26 = _integral(lambda T: 1.0 / wave_generator_stiffness(T, drive.K_w0, drive.C_w), float(motor[0]))
+    at_rated, of_inverse = "at rated torque", "by differences, at half the rated torque"
+    return Outcome(
+        (
+            Row("K_FL less dT_F/dtorsion, share", 0.0, _flexspline_slope(), "1", of_inverse, "eq. (22)"),
+            Row("torsion of the flexspline", None, float(by_23[0]), "rad", f"{at_rated}, by quadrature", "eq. (23)"),
+            Row("(24) less the integral (23), share", 0.0, _worst(flexspline, by_23), "1", at_rated, "eq. (24)"),
+            Row("K_wL less dT_w/dtorsion, share", 0.0, _wave_generator_slope(), "1", "at T_fs", "eq. (25)"),
             Row(
-                "(24) less the integral of 1/(22), share",
-                0.0,
-                _worst(flexspline, integral),
-                "1",
-                "at rated torque",
-                "eq. (22)-(24)",
+                "torsion of the wave generator, at the motor",
+                None,
+                float(by_26[0]),
+                "rad",
+                f"{at_rated}, by quadrature",
+                "eq. (26)",
             ),
-            Row(
-                "(27) less the integral of 1/(25), share",
-                0.0,
-                _worst(wave_generator_torsion(np.array([motor]), drive.K_w0, drive.C_w), generator),
-                "1",
-                "at rated torque",
-                "eq. (25)-(27)",
-            ),
+            Row("(27) less the integral (26), share", 0.0, _worst(wave_generator, by_26), "1", at_rated, "eq. (27)"),
             Row("torsion at rated torque", None, float(whole[0]), "rad", "T_w = -T_F/N", "eq. (28)"),
         )
     )
@@ -89,15 +94,20 @@ def _at(torque: float) -> float:
     return float(piecewise_torsion(np.array(torque), *flexspline_parameters(Compliance.PIECEWISE)))
 
 
-def _decomposed() -> float:
-    """Give the largest difference of (19) from (21) with (14), (15), (18) for random angles."""
-    random = np.random.default_rng(0)
-    differences: list[float] = []
-    for theta_Fi, windup_F, windup_w in random.uniform(-1e-2, 1e-2, (100, 3)).tolist():
-        theta_wo = motion(RATIO, circular_spline=0.0, flexspline=theta_Fi).wave_generator
-        theta_Fo, theta_wi = theta_Fi + windup_F, theta_wo - windup_w
-        differences.append(abs((theta_Fo + theta_wi / RATIO) - (windup_F - windup_w / RATIO)))
-    return max(differences)
+def _flexspline_slope() -> float:
+    """Give the share by which (22) misses the slope of the inverse of (24)."""
+    drive, torque = paper_drive(), np.array([0.5 * RATED_TORQUE])
+    at, step = flexspline_torsion(torque, drive.K_F0, drive.C_F), 1e-8
+    higher, lower = (flexspline_torque(at + s, drive.K_F0, drive.C_F) for s in (step, -step))
+    return _worst(flexspline_stiffness(torque, drive.K_F0, drive.C_F), (higher - lower) / (2.0 * step))
+
+
+def _wave_generator_slope() -> float:
+    """Give the share by which (25) misses the slope of the inverse of (27)."""
+    drive, torque = paper_drive(), np.array([STARTING_TORQUE])
+    at, step = wave_generator_torsion(torque, drive.K_w0, drive.C_w), 1e-7
+    higher, lower = (wave_generator_torque(at + s, drive.K_w0, drive.C_w) for s in (step, -step))
+    return _worst(wave_generator_stiffness(torque, drive.K_w0, drive.C_w), (higher - lower) / (2.0 * step))
 
 
 def _integral(compliance: Callable[[Floats], Floats], end: float) -> Floats:

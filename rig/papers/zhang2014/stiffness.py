@@ -1,11 +1,23 @@
-"""Figures 7 and 8: local stiffness and torsion of the three laws of the flexspline."""
+"""Figures 2, 7 and 8: the typical curve; local stiffness and torsion of the three laws of the flexspline."""
 
 import numpy as np
 
 from rig.papers.figures import label, new_figure
 from rig.papers.item import Grid, Outcome, Row, Workbench
-from rig.papers.zhang2014.drive import K1, K2, K3, PRINTED_C_F, RATED_TORQUE, T1, T2, flexspline_parameters
-from sim_backend.model.compliance import LAWS, Compliance
+from rig.papers.zhang2014.drive import (
+    HYSTERESIS_LOSS,
+    K1,
+    K2,
+    K3,
+    PRINTED_C_F,
+    RATED_TORQUE,
+    T1,
+    T2,
+    flexspline_parameters,
+    paper_drive,
+)
+from sim_backend.model.compliance import LAWS, Compliance, flexspline_torsion, total_torsion
+from sim_backend.model.friction import play
 
 PRINTED_LAW = "arctan, C_F as printed"
 TORQUE = np.linspace(0.0, RATED_TORQUE, 801)
@@ -18,6 +30,37 @@ def _curves() -> tuple[Curve, ...]:
     K_F0, _ = flexspline_parameters(Compliance.ARCTAN)
     own = tuple((str(law), law, flexspline_parameters(law)) for law in Compliance)
     return (*own, (PRINTED_LAW, Compliance.ARCTAN, (K_F0, PRINTED_C_F)))
+
+
+def typical_curve(_: Workbench) -> Outcome:
+    """Draw Fig. 2: the loop of the locked drive after (28), and the three lines beside its flexspline."""
+    drive = paper_drive()
+    turns = np.linspace(0.25, 1.25, 4001) % 1.0
+    motor = (RATED_TORQUE + drive.friction_torque) * np.interp(turns, [0.0, 0.25, 0.75, 1.0], [0.0, 1.0, -1.0, 0.0])
+    torque = play(motor, drive.friction_torque)
+    flexspline = flexspline_torsion(torque, drive.K_F0, drive.C_F)
+    torsion = total_torsion(flexspline, -motor / drive.ratio, drive.ratio, drive.K_w0, drive.C_w)
+    lines = flexspline_parameters(Compliance.PIECEWISE)
+    figure, axes = new_figure("Fig. 2: typical stiffness and hysteresis curve", panels=2)
+    axes[0].plot(1e3 * torsion, torque, label="(a) locked drive, (28)")
+    axes[1].plot(1e3 * LAWS[Compliance.PIECEWISE].torsion(TORQUE, *lines), TORQUE, label="(b) three lines (11)")
+    for one in axes:
+        label(one, "torsion [mrad]", "output torque [N*m]")
+    turn = int(np.argmin(torque))
+    ends = [np.interp(0.0, torque[:turn][::-1], torsion[:turn][::-1]), np.interp(0.0, torque[turn:], torsion[turn:])]
+    slopes = LAWS[Compliance.PIECEWISE].stiffness(np.array([0.5 * T1, 0.5 * (T1 + T2)]), *lines).tolist()
+    rows = (
+        Row(
+            "from B to B' at no torque",
+            HYSTERESIS_LOSS,
+            abs(float(ends[1] - ends[0])),
+            "rad",
+            "by (27) the wave generator has taken 63 % of Psi where the drive breaks away",
+        ),
+        Row("slope of the lines at T1/2", K1, slopes[0], "N*m/rad", "(b)"),
+        Row("slope of the lines at (T1+T2)/2", K2, slopes[1], "N*m/rad", "(b)"),
+    )
+    return Outcome(rows, {"": figure})
 
 
 def local_stiffness(_: Workbench) -> Outcome:

@@ -7,6 +7,7 @@ and stands on the side that this torque presses on; `contact` is the torque at w
 with the wave generator: it takes no energy. In a locked sweep it is crossed with the sign of the torque, in a free run
 with the direction of turning, whose friction presses it, and a bias torque keeps it closed.
 Source: Oldham and key couplings, dead zone.
+Left out: a loose coupling of the encoder, a loop of the reading against motion.
 """
 
 from sim_backend.model.effects.effect import Effect, Energy, Enters, Parameter, Shape
@@ -27,9 +28,11 @@ EFFECT = Effect(
     shape=Shape.STATIC,
     unit="rad",
     parameters=(
-        Parameter("amplitude", "rad", 0.0, 1.0, 1e-3, "half of the gap, at the motor"),
-        Parameter("contact", "N*m", 1e-6, 10.0, 1e-3, "torque that closes the gap, at the motor", known=True),
-        Parameter("ratio", "1", 1.0, 1e4, 100.0, "gear ratio", known=True),
+        Parameter("amplitude", "rad", 0.0, 1.0, 1e-3, (1e-4, 1e-2), "half of the gap, at the motor"),
+        Parameter(
+            "contact", "N*m", 1e-6, 10.0, 1e-3, (1e-4, 1e-2), "torque that closes the gap, at the motor", known=True
+        ),
+        Parameter("ratio", "1", 1.0, 1e4, 100.0, (30.0, 320.0), "gear ratio", known=True),
     ),
     amplitudes=("amplitude",),
     function=backlash,

@@ -5,6 +5,7 @@
 Before the first call the torque was what it is then. The past is kept in a ring of samples, spread over the delay where
 it has more steps than the ring has places (256), and read by straight lines in between. The step must stay the same.
 Source: transport delay of buses, filters and unequal clocks.
+Left out: clocks that run apart, and other channels than the torque.
 """
 
 import math
@@ -37,11 +38,11 @@ EFFECT = Effect(
     variable="output_torque",
     shape=Shape.RATE,
     unit="N*m",
-    parameters=(Parameter("delay", "s", 0.0, 0.1, 0.01, "by which the torque is late"),),
+    parameters=(Parameter("delay", "s", 0.0, 0.1, 0.01, (1e-4, 5e-2), "by which the torque is late"),),
     amplitudes=("delay",),
     function=channel_delay,
     energy=Energy.NONE,
-    shows=("locked-output", "backdrive", "free-run"),
+    shows=("locked-output", "backdrive"),
     confusable=("torque-sensor-lag", "creep", "rate-dependent-hysteresis", "viscous-friction"),
     separated_by="a ladder of rates; a sync pulse on both channels at start and end",
     linear=False,

@@ -20,15 +20,16 @@ EFFECT = Effect(
     id="cogging",
     summary="motor torque periodic in the rotor angle, the same in both directions",
     equation="motor balance += amplitude * sin(order * motor_position + phase)",
-    source="permanent-magnet motor literature",
+    source="permanent-magnet motor literature; "
+    "usual values derived: 0.3 to 5 % of a rated 0.19 N*m; 10 poles to their multiple with 24 slots",
     enters=Enters.MOTOR_BALANCE,
     variable="motor_position",
     shape=Shape.PERIODIC,
     unit="N*m",
     parameters=(
-        Parameter("amplitude", "N*m", 0.0, 1e3, 3e-3, "half of the peak-to-peak torque"),
-        Parameter("order", "1/rev", 0.0, 1e4, 84.0, "cycles per motor turn"),
-        Parameter("phase", "rad", -2 * math.pi, 2 * math.pi, 0.0, "phase at motor_position = 0"),
+        Parameter("amplitude", "N*m", 0.0, 1e3, 3e-3, (5e-4, 1e-2), "half of the peak-to-peak torque"),
+        Parameter("order", "1/rev", 0.0, 1e4, 84.0, (10.0, 200.0), "cycles per motor turn"),
+        Parameter("phase", "rad", -2 * math.pi, 2 * math.pi, 0.0, (-math.pi, math.pi), "phase at motor_position = 0"),
     ),
     amplitudes=("amplitude",),
     function=cogging,
@@ -42,5 +43,5 @@ EFFECT = Effect(
         "current-sensor-offset",
         "gravity-load",
     ),
-    separated_by="both directions (half-sum and half-difference); a ladder of currents at the same angles",
+    separated_by="both directions (half-sum and half-difference); a ladder of loads at the same angles",
 )

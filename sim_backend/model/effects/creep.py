@@ -6,9 +6,8 @@ lag(u; tau): tau dx/dt + x = u, solved exactly for a torque that runs straight b
 side by side (Kelvin-Voigt), in series with the base model's springs. Source: linear viscoelasticity.
 """
 
-import math
-
 from sim_backend.model.effects.effect import Effect, Energy, Enters, Memory, Parameter, Shape
+from sim_backend.model.effects.operators import lag
 
 
 def creep(
@@ -17,13 +16,7 @@ def creep(
     """Angle added to the torsion, rad. memory: the lagging torque, the torque before, started."""
     if memory[2] == 0.0:
         memory[0], memory[1], memory[2] = output_torque, output_torque, 1.0
-    if time_constant > 0.0:
-        part = step / time_constant
-        settled = -math.expm1(-part)
-        rise = output_torque - memory[1]
-        memory[0] += settled * (memory[1] - memory[0]) + (1.0 - settled / part) * rise
-    else:
-        memory[0] = output_torque
+    memory[0] = lag(memory[0], memory[1], output_torque, step, time_constant)
     memory[1] = output_torque
     return amplitude * memory[0] / stiffness
 
@@ -38,9 +31,9 @@ EFFECT = Effect(
     shape=Shape.LAG,
     unit="rad",
     parameters=(
-        Parameter("amplitude", "1", 0.0, 10.0, 0.03, "share of the elastic torsion that comes late"),
-        Parameter("time_constant", "s", 0.0, 1e6, 20.0, "time in which 63 % of it have come"),
-        Parameter("stiffness", "N*m/rad", 1e-3, 1e9, 8336.0, "K_F0 of the flexspline", known=True),
+        Parameter("amplitude", "1", 0.0, 10.0, 0.03, (0.01, 0.05), "share of the elastic torsion that comes late"),
+        Parameter("time_constant", "s", 0.0, 1e6, 20.0, (1.0, 100.0), "time in which 63 % of it have come"),
+        Parameter("stiffness", "N*m/rad", 1e-3, 1e9, 8336.0, (5e3, 2e4), "K_F0 of the flexspline", known=True),
     ),
     amplitudes=("amplitude",),
     function=creep,

@@ -2,7 +2,8 @@
 
 The function's arguments are signals by name (`motor_position`, `output_torque`, ...), then, for an effect that
 remembers, `step` and `memory`, then the effect's parameters by name; it returns what the effect adds. It is plain
-scalar code that numba can compile and uses nothing but its arguments, `math` and builtins.
+scalar code that numba can compile and uses nothing but its arguments, `math`, builtins and the shared `operators`. Only
+the base terms are in the plant in another form: the inverses of their springs, a rim that slides, equations of motion.
 """
 
 import inspect
@@ -88,8 +89,10 @@ class Energy(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One parameter: unit, physically possible range, and its typical size on a size-17, ratio-100 drive.
+    """One parameter: unit, physically possible range, its typical size and usual range on a size-17, ratio-100 drive.
 
+    `usual`: where the value is expected to lie, a working range that is not verified. It comes from the same reference
+    as the law, or is derived as the effect's `source` says.
     `known`: not estimated in a fit but taken from the device, the bench or the conditions (a ratio, a reference
     temperature, a count).
     """
@@ -99,6 +102,7 @@ class Parameter:
     low: float
     high: float
     typical: float
+    usual: tuple[float, float]
     meaning: str
     known: bool = False
 
@@ -117,8 +121,10 @@ class Effect:
     `memory`: how many numbers the effect remembers, all zero before the first call, which starts at the equilibrium of
     its signals; `step`: s since the last call, above 0.
     `reads`: the signal whose reading it changes (READING only, else empty).
-    `variable` and `shape` say what it depends on and how; `shows` names the procedures that show it, `confusable` the
-    ids it can be taken for and `separated_by` the experiment that tells them apart. `parameters` are in order.
+    `variable` and `shape` say what it depends on and how; `shows` names the procedures that show it, with the condition
+    if there is one: `(loaded)`, a free run under a load torque; `(fast)`, a sweep far above 4 N*m/s; `(warming up)`, a
+    temperature that moves. `confusable` are the ids it can be taken for and `separated_by` the experiment that tells
+    them apart. `parameters` are in order.
     """
 
     id: str

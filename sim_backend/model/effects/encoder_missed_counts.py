@@ -5,6 +5,7 @@
 Events come at random times, `rate` of them per second on average (exponential waiting times); the first call has none.
 The same seed gives the same events, whatever the step: Lehmer's generator x -> 16807 x mod (2^31 - 1), which is exact
 in double precision. Source: Park & Miller, Commun. ACM 31 (1988) 1192-1201 for the generator.
+Left out: the output encoder.
 """
 
 import math
@@ -36,16 +37,18 @@ EFFECT = Effect(
     id="encoder-missed-counts",
     summary="counter of the motor encoder jumps at random times",
     equation="motor_position reads 2 pi / encoder_counts * amplitude * (sum of +1 or -1, rate of them a second) more",
-    source="incremental encoders under disturbance",
+    source="incremental encoders under disturbance; usual rate derived: 0 to 10 events in a run of 100 s",
     enters=Enters.READING,
     variable="time",
     shape=Shape.EVENT,
     unit="rad",
     parameters=(
-        Parameter("amplitude", "counts", 0.0, 1e6, 4.0, "counts per event"),
-        Parameter("rate", "1/s", 0.0, 1e3, 0.05, "events per second, on average"),
-        Parameter("seed", "1", 0.0, 2147483645.0, 1.0, "draws times and signs of the events", known=True),
-        Parameter("encoder_counts", "1/rev", 1.0, 1e9, 16384.0, "counts per motor turn", known=True),
+        Parameter("amplitude", "counts", 0.0, 1e6, 4.0, (1.0, 100.0), "counts per event"),
+        Parameter("rate", "1/s", 0.0, 1e3, 0.05, (0.0, 0.1), "events per second, on average"),
+        Parameter(
+            "seed", "1", 0.0, 2147483645.0, 1.0, (0.0, 2147483645.0), "draws times and signs of the events", known=True
+        ),
+        Parameter("encoder_counts", "1/rev", 1.0, 1e9, 16384.0, (1e3, 1e5), "counts per motor turn", known=True),
     ),
     amplitudes=("amplitude",),
     function=encoder_missed_counts,

@@ -22,7 +22,11 @@ EFFECT = Effect(
     variable="output_torque",
     shape=Shape.STATIC,
     unit="rad",
-    parameters=(Parameter("amplitude", "rad/(N*m)", 0.0, 1.0, 2e-5, "1/K_fix: yielding per torque, at the output"),),
+    parameters=(
+        Parameter(
+            "amplitude", "rad/(N*m)", 0.0, 1.0, 2e-5, (5e-6, 5e-5), "1/K_fix: yielding per torque, at the output"
+        ),
+    ),
     amplitudes=("amplitude",),
     function=fixture_compliance,
     energy=Energy.CONSERVATIVE,

@@ -36,8 +36,8 @@ EFFECT = Effect(
     shape=Shape.STATIC,
     unit="rad",
     parameters=(
-        Parameter("K_F0", "N*m/rad", 1e-3, 1e9, 8336.0, "stiffness at zero torque, at the output"),
-        Parameter("C_F", "1/(N*m)", 1e-9, 1e3, 0.0449, "stiffness doubles at the torque 1/C_F"),
+        Parameter("K_F0", "N*m/rad", 1e-3, 1e9, 8336.0, (5e3, 2e4), "stiffness at zero torque, at the output"),
+        Parameter("C_F", "1/(N*m)", 1e-9, 1e3, 0.0449, (0.02, 0.08), "stiffness doubles at the torque 1/C_F"),
     ),
     amplitudes=(),
     function=flexspline_compliance,

@@ -25,8 +25,8 @@ EFFECT = Effect(
     shape=Shape.PERIODIC,
     unit="N*m",
     parameters=(
-        Parameter("amplitude", "N*m", 0.0, 1e4, 0.5, "mass times gravity times lever"),
-        Parameter("phase", "rad", -2 * math.pi, 2 * math.pi, 0.0, "phase at output_position = 0"),
+        Parameter("amplitude", "N*m", 0.0, 1e4, 0.5, (0.1, 2.0), "mass times gravity times lever"),
+        Parameter("phase", "rad", -2 * math.pi, 2 * math.pi, 0.0, (-math.pi, math.pi), "phase at output_position = 0"),
     ),
     amplitudes=("amplitude",),
     function=gravity_load,

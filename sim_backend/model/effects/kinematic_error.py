@@ -31,9 +31,9 @@ EFFECT = Effect(
     shape=Shape.PERIODIC,
     unit="rad",
     parameters=(
-        Parameter("amplitude", "rad", 0.0, 1e-1, 1e-4, "half of the peak-to-peak error"),
-        Parameter("order", "1/rev", 0.0, 1e4, 2.0, "cycles per wave-generator turn"),
-        Parameter("phase", "rad", -2 * math.pi, 2 * math.pi, 0.0, "phase at motor_position = 0"),
+        Parameter("amplitude", "rad", 0.0, 1e-1, 1e-4, (3e-5, 2e-4), "half of the peak-to-peak error"),
+        Parameter("order", "1/rev", 0.0, 1e4, 2.0, (1.0, 4.0), "cycles per wave-generator turn"),
+        Parameter("phase", "rad", -2 * math.pi, 2 * math.pi, 0.0, (-math.pi, math.pi), "phase at motor_position = 0"),
     ),
     amplitudes=("amplitude",),
     function=kinematic_error,

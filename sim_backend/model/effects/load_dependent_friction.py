@@ -23,13 +23,13 @@ EFFECT = Effect(
     shape=Shape.PRODUCT,
     unit="N*m",
     parameters=(
-        Parameter("amplitude", "1", 0.0, 1.0, 0.1, "friction per load"),
-        Parameter("ratio", "1", 1.0, 1e4, 100.0, "gear ratio", known=True),
+        Parameter("amplitude", "1", 0.0, 1.0, 0.1, (0.02, 0.3), "friction per load"),
+        Parameter("ratio", "1", 1.0, 1e4, 100.0, (30.0, 320.0), "gear ratio", known=True),
     ),
     amplitudes=("amplitude",),
     function=load_dependent_friction,
     energy=Energy.DISSIPATIVE,
-    shows=("free-run", "backdrive", "locked-output"),
+    shows=("free-run (loaded)", "backdrive", "locked-output"),
     confusable=(
         "torque-constant-error",
         "torque-sensor-gain",

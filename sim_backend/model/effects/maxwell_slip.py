@@ -8,11 +8,12 @@ loop: the class can be identified, the name cannot. Source: Iwan, J. Appl. Mech.
 """
 
 from sim_backend.model.effects.effect import Effect, Energy, Enters, Memory, Parameter, Shape
+from sim_backend.model.effects.operators import play
 
 
 def maxwell_slip(output_torque: float, step: float, memory: Memory, amplitude: float, radius: float) -> float:
     """Angle added to the torsion, rad. memory: the play."""
-    memory[0] = min(max(memory[0], output_torque - radius), output_torque + radius)
+    memory[0] = play(memory[0], output_torque, radius)
     return amplitude * memory[0]
 
 
@@ -26,8 +27,8 @@ EFFECT = Effect(
     shape=Shape.HYSTERETIC,
     unit="rad",
     parameters=(
-        Parameter("amplitude", "rad/(N*m)", 0.0, 1.0, 5e-6, "compliance while it slips"),
-        Parameter("radius", "N*m", 0.0, 1e5, 2.0, "torque at which it slips"),
+        Parameter("amplitude", "rad/(N*m)", 0.0, 1.0, 5e-6, (1e-6, 1e-5), "compliance while it slips"),
+        Parameter("radius", "N*m", 0.0, 1e5, 2.0, (1.0, 5.0), "torque at which it slips"),
     ),
     amplitudes=("amplitude",),
     function=maxwell_slip,

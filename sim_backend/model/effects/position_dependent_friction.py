@@ -3,6 +3,7 @@
     friction += amplitude * sin(order * motor_position + phase)        N*m at the motor
 
 It flips with the direction, unlike cogging. Source: friction maps of geared drives.
+Left out: orders of the output angle.
 """
 
 import math
@@ -25,9 +26,9 @@ EFFECT = Effect(
     shape=Shape.PRODUCT,
     unit="N*m",
     parameters=(
-        Parameter("amplitude", "N*m", 0.0, 1e3, 4e-3, "half of the peak-to-peak friction"),
-        Parameter("order", "1/rev", 0.0, 1e4, 1.0, "cycles per motor turn"),
-        Parameter("phase", "rad", -2 * math.pi, 2 * math.pi, 0.0, "phase at motor_position = 0"),
+        Parameter("amplitude", "N*m", 0.0, 1e3, 4e-3, (1e-3, 2e-2), "half of the peak-to-peak friction"),
+        Parameter("order", "1/rev", 0.0, 1e4, 1.0, (1.0, 3.0), "cycles per motor turn"),
+        Parameter("phase", "rad", -2 * math.pi, 2 * math.pi, 0.0, (-math.pi, math.pi), "phase at motor_position = 0"),
     ),
     amplitudes=("amplitude",),
     function=position_dependent_friction,

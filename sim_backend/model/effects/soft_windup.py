@@ -27,8 +27,8 @@ EFFECT = Effect(
     shape=Shape.STATIC,
     unit="rad",
     parameters=(
-        Parameter("amplitude", "rad", 0.0, 1e-2, 3e-5, "angle added on either side of zero torque"),
-        Parameter("zone", "N*m", 1e-2, 1e5, 1.0, "torque over which it is taken up"),
+        Parameter("amplitude", "rad", 0.0, 1e-2, 3e-5, (1e-5, 5e-5), "angle added on either side of zero torque"),
+        Parameter("zone", "N*m", 1e-2, 1e5, 1.0, (0.3, 3.0), "torque over which it is taken up"),
     ),
     amplitudes=("amplitude",),
     function=soft_windup,

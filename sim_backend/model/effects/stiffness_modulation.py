@@ -35,9 +35,9 @@ EFFECT = Effect(
     shape=Shape.PRODUCT,
     unit="rad",
     parameters=(
-        Parameter("amplitude", "rad/(N*m)", 0.0, 1e-1, 5e-6, "half of the peak-to-peak compliance"),
-        Parameter("order", "1/rev", 0.0, 1e4, 2.0, "cycles per wave-generator turn"),
-        Parameter("phase", "rad", -2 * math.pi, 2 * math.pi, 0.0, "phase at motor_position = 0"),
+        Parameter("amplitude", "rad/(N*m)", 0.0, 1e-1, 5e-6, (1e-6, 1e-5), "half of the peak-to-peak compliance"),
+        Parameter("order", "1/rev", 0.0, 1e4, 2.0, (1.0, 4.0), "cycles per wave-generator turn"),
+        Parameter("phase", "rad", -2 * math.pi, 2 * math.pi, 0.0, (-math.pi, math.pi), "phase at motor_position = 0"),
     ),
     amplitudes=("amplitude",),
     function=stiffness_modulation,

@@ -2,9 +2,11 @@
 
     output_position reads x more:  x'' + 2 damping w x' + w^2 x = amplitude * w * output_torque'',  w = 2 pi frequency
 
-A jump of the torque's rate by 1 N*m/s starts a decaying sine of size `amplitude`. Between two calls the torque runs
-straight, so that its second derivative is a kick at each call and x swings freely in between, which is solved exactly.
-Starts at rest. Source: linear vibration of one mode.
+output_torque is the transducer's: where it stays the same, as in a free run, nothing rings. A jump of its rate by
+1 N*m/s starts a decaying sine of size `amplitude`. Between two calls the torque runs straight, so that its second
+derivative is a kick at each call and x swings freely in between, which is solved exactly. Starts at rest.
+Source: linear vibration of one mode.
+Left out: a frame that the motor or an order of the gear shakes in a free run.
 """
 
 import math
@@ -35,22 +37,30 @@ EFFECT = Effect(
     summary="frame, torque cell or lever ring after a reversal",
     equation="output_position reads x more, "
     "x'' + 2 damping w x' + w^2 x = amplitude * w * output_torque'', w = 2 pi frequency",
-    source="linear vibration of one mode",
+    source="linear vibration of one mode; usual amplitude derived: 1e-6 to 1e-4 rad after a reversal at 4 N*m/s",
     enters=Enters.READING,
     variable="time",
     shape=Shape.PERIODIC,
     unit="rad",
     parameters=(
-        Parameter("amplitude", "rad*s/(N*m)", -1.0, 1.0, 1e-5, "size of the ringing per jump of the torque's rate"),
-        Parameter("frequency", "Hz", 1e-3, 1e5, 12.0, "w / (2 pi)"),
-        Parameter("damping", "1", 0.0, 0.99, 0.02, "damping ratio"),
+        Parameter(
+            "amplitude",
+            "rad*s/(N*m)",
+            -1.0,
+            1.0,
+            1e-5,
+            (1.25e-7, 1.25e-5),
+            "size of the ringing per jump of the torque's rate",
+        ),
+        Parameter("frequency", "Hz", 1e-3, 1e5, 12.0, (0.5, 600.0), "w / (2 pi)"),
+        Parameter("damping", "1", 0.0, 0.99, 0.02, (0.01, 0.05), "damping ratio"),
     ),
     amplitudes=("amplitude",),
     function=structural_resonance,
     energy=Energy.NONE,
-    shows=("free-run", "locked-output"),
+    shows=("locked-output", "backdrive"),
     confusable=("kinematic-error", "inertia"),
-    separated_by="a ladder of speeds: orders move with the speed, a resonance stays at its frequency",
+    separated_by="sweeps at several rates: the ringing after a reversal keeps its frequency, orders move with the rate",
     memory=5,
     reads="output_position",
 )

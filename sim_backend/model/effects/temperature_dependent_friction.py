@@ -28,8 +28,8 @@ EFFECT = Effect(
     shape=Shape.PRODUCT,
     unit="N*m",
     parameters=(
-        Parameter("amplitude", "1/K", -0.5, 0.5, 0.04, "relative fall of the friction per kelvin"),
-        Parameter("reference", "degC", -273.15, 1e3, 25.0, "temperature of the base model", known=True),
+        Parameter("amplitude", "1/K", -0.5, 0.5, 0.04, (0.02, 0.06), "relative fall of the friction per kelvin"),
+        Parameter("reference", "degC", -273.15, 1e3, 25.0, (15.0, 30.0), "temperature of the base model", known=True),
     ),
     amplitudes=("amplitude",),
     function=temperature_dependent_friction,

@@ -4,6 +4,7 @@
 
 The fit absorbs it: K_w0' = (1 + amplitude) K_w0, C_w' = C_w / (1 + amplitude), and T_fs, T_c, b scale alike. Magnets
 that warm up lower the true constant. Source: motor data sheets (tolerance of k_t).
+Left out: magnets that warm up.
 """
 
 from sim_backend.model.effects.effect import Effect, Energy, Enters, Parameter, Shape
@@ -23,7 +24,7 @@ EFFECT = Effect(
     variable="motor_torque",
     shape=Shape.STATIC,
     unit="N*m",
-    parameters=(Parameter("amplitude", "1", -1.0, 10.0, 0.03, "relative error of the torque constant"),),
+    parameters=(Parameter("amplitude", "1", -1.0, 10.0, 0.03, (-0.1, 0.1), "relative error of the torque constant"),),
     amplitudes=("amplitude",),
     function=torque_constant_error,
     energy=Energy.NONE,

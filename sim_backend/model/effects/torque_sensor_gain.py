@@ -3,6 +3,7 @@
     output_torque reads amplitude * output_torque more        N*m at the output
 
 The fit absorbs it exactly: K_F0' = (1 + amplitude) K_F0, C_F' = C_F / (1 + amplitude). Source: transducer data sheets.
+Left out: a sensitivity that moves with the temperature.
 """
 
 from sim_backend.model.effects.effect import Effect, Energy, Enters, Parameter, Shape
@@ -22,7 +23,7 @@ EFFECT = Effect(
     variable="output_torque",
     shape=Shape.STATIC,
     unit="N*m",
-    parameters=(Parameter("amplitude", "1", -1.0, 10.0, 0.01, "relative error of the sensitivity"),),
+    parameters=(Parameter("amplitude", "1", -1.0, 10.0, 0.01, (-0.03, 0.03), "relative error of the sensitivity"),),
     amplitudes=("amplitude",),
     function=torque_sensor_gain,
     energy=Energy.NONE,

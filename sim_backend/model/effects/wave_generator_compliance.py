@@ -36,9 +36,9 @@ EFFECT = Effect(
     shape=Shape.STATIC,
     unit="rad",
     parameters=(
-        Parameter("K_w0", "N*m/rad", 1e-6, 1e6, 1.333, "stiffness at zero torque, at the motor"),
-        Parameter("C_w", "1/(N*m)", 1e-6, 1e6, 83.3, "stiffness grows by e every 1/C_w of motor torque"),
-        Parameter("ratio", "1", 1.0, 1e4, 100.0, "gear ratio", known=True),
+        Parameter("K_w0", "N*m/rad", 1e-6, 1e6, 1.333, (0.5, 5.0), "stiffness at zero torque, at the motor"),
+        Parameter("C_w", "1/(N*m)", 1e-6, 1e6, 83.3, (30.0, 200.0), "stiffness grows by e every 1/C_w of motor torque"),
+        Parameter("ratio", "1", 1.0, 1e4, 100.0, (30.0, 320.0), "gear ratio", known=True),
     ),
     amplitudes=(),
     function=wave_generator_compliance,

@@ -66,6 +66,13 @@ def test_a_value_out_of_range_is_named_by_its_path(old, new, path):
     assert path in str(broken((old, new)))
 
 
+def test_a_limit_out_of_range_is_told_its_range_and_unit():
+    (mistake,) = broken(("motor_torque = 0.25", "motor_torque = -0.25")).mistakes
+    assert mistake.rule == "must be above 0 and at most 1e+09 N*m; the check in every cycle needs it"
+    (mistake,) = broken(("cycle_rate = 1000", "cycle_rate = 5000")).mistakes
+    assert mistake.rule.startswith("must be at least 10 and at most 2000 Hz")
+
+
 def test_two_devices_with_one_node_id_are_refused():
     assert "share a node id" in str(broken(("node = 2\n", "node = 1\n")))
 

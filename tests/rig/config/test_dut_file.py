@@ -1,7 +1,7 @@
 import pytest
 
 from drivers.errors import ConfigError
-from rig.config.dut import Dut, Rotation, default_dut, load_dut
+from rig.config.dut import Dut, Gear, Motor, Output, Rotation, default_dut, load_dut
 from rig.config.toml_file import parse_toml
 
 
@@ -53,3 +53,30 @@ def test_every_mistake_of_a_dut_is_told_with_its_own_path():
         parse_toml("[gear]\nratio = 0\nT1 = 5\nT2 = 4\nK_1 = 3\n", Dut, "dut.toml")
     assert {mistake.path for mistake in caught.value.mistakes} == {"name", "gear.ratio", "gear.T2", "gear.K_1"}
     assert "did you mean K1?" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("line", "rule"),
+    [
+        ("[gear]\nratio = 0.5", "must be at least 1 and at most 1e+06; theta_m = -N theta_o, Zhang (4), needs it"),
+        ("[gear]\nratio = inf", "must be finite, at least 1 and at most 1e+06; theta_m"),
+        ("[gear]\nK1 = 'stiff'", "must be a number, above 0 and at most 1e+09 N*m/rad; f = T1/K1"),
+        ("[gear]\nT1 = 5\nT2 = 4", "must be above 5 N*m; f = T1/K1 + (T - T1)/K2 from T1 to T2, Zhang (11), needs it"),
+        ("[motor]\ninertia = -1.0", "must be above 0 and at most 1e+09 kg*m^2; (J_m + J_wg) dw/dt = sum of torques"),
+        (
+            "[output]\nencoder_counts = 2.5",
+            "must be a whole number, at least 1 and at most 2.14748e+09 1/rev; angle = ",
+        ),
+    ],
+)
+def test_a_wrong_number_is_told_its_range_unit_and_what_needs_it(line, rule):
+    with pytest.raises(ConfigError) as caught:
+        parse_toml(f'name = "x"\n{line}', Dut, "dut.toml")
+    (mistake,) = caught.value.mistakes
+    assert mistake.rule.startswith(rule)
+
+
+def test_every_number_of_a_dut_states_what_needs_it():
+    for table in (Gear, Motor, Output):
+        for name in table.model_fields:
+            assert name == "rotation" or table.wanted(name).endswith(" needs it"), name

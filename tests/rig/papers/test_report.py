@@ -7,7 +7,7 @@ import pytest
 from drivers.errors import ConfigError
 from rig.papers.figures import label, new_figure
 from rig.papers.item import Grid, Item, Outcome, Row, Workbench
-from rig.papers.registry import ITEMS, choose, file_name
+from rig.papers.registry import ITEMS, choose, command, file_name
 from rig.papers.report import cells, run_items, to_json, to_markdown, write_report
 
 
@@ -32,7 +32,15 @@ SOME = (
         (["two2002"], [2]),
         (["two/eq31"], []),
         (["two2002/eq31"], [2]),
-        (["two2002/eq3135"], [2]),
+        (["two2002/eq31-35"], [2]),
+        (["two2002/eq33"], [2]),
+        (["eq (32)"], [2]),
+        (["eq32-34"], [2]),
+        (["two2002/eq36"], []),
+        (["two2002/eq30"], []),
+        (["two2002/eq3135"], []),
+        (["two2002/fig33"], []),
+        (["eq" + "3" * 5000], []),
         (["eq", "fig12"], [1, 2]),
     ],
 )
@@ -46,7 +54,7 @@ def test_a_name_means_a_paper_or_an_item_or_how_one_begins(names, meant):
 
 @pytest.mark.parametrize("name", ["fig2", "", "--", "zhang"])
 def test_a_name_that_means_nothing_is_refused_with_what_there_is(name):
-    with pytest.raises(ConfigError, match="two2002/eq3135"):
+    with pytest.raises(ConfigError, match="two2002/eq31-35"):
         choose([name], SOME)
 
 
@@ -61,6 +69,20 @@ def test_the_names_in_the_refusal_are_names():
         choose(["nothing"])
     names = str(refused.value).split("expected one of ")[1].rstrip(".").split(", ")
     assert [choose([name]) for name in names] == [(item,) for item in ITEMS]
+
+
+def test_a_row_s_command_names_its_own_part_of_the_item():
+    *_, laws = SOME
+    assert command(laws, Row("K", None, 1.0, item="eq. (33)")) == "rig papers two2002/eq33"
+    assert command(laws, Row("K", None, 1.0)) == "rig papers two2002/eq31-35"
+    section = Item("two2002", "sec. V, T_fs", "", empty)
+    assert command(section, Row("T", None, 1.0)) == "rig papers two2002/sec-v-t-fs"
+    assert choose(["two2002/sec-v-t-fs"], (*SOME, section)) == (section,)
+
+
+@pytest.mark.parametrize("name", ["zhang2014/eq10", "zhang2014/eq28", "castejon2009/eq35", "castejon2009/eq6"])
+def test_every_equation_of_a_paper_is_a_name(name):
+    assert len(choose([name])) == 1
 
 
 def test_shared_work_is_done_once(tmp_path):
@@ -89,7 +111,10 @@ def test_figures_results_and_table_are_written(tmp_path):
     assert json.loads(results.read_text()) == json.loads(json.dumps(to_json([done])))
     assert json.loads(results.read_text())["items"][0]["rows"][0]["obtained"] == 1.23456789
     assert table.read_text() == to_markdown([done])
-    assert cells(done, done.outcome.rows[0]) == ("one2001", "Fig. 1", "width [rad]", "2", "1.235", "a | b")
+    again = "rig papers one2001/fig1"
+    assert cells(done, done.outcome.rows[0]) == ("one2001", "Fig. 1", "width [rad]", "2", "1.235", "a | b", again)
     assert cells(done, done.outcome.rows[1])[1:5] == ("eq. (7)", "name", "-", "found")
+    assert json.loads(results.read_text())["items"][0]["rows"][0]["command"] == again
+    assert f"| `{again}` |" in table.read_text()
     assert "a \\| b" in table.read_text()
     assert "![An example](one2001-fig-1.png)" in table.read_text()

@@ -18,7 +18,7 @@ from sim_backend.model.constants import derive
 from sim_backend.model.effects import CATALOGUE, ActiveEffect, Effect, Enters
 from sim_backend.model.kernel import kernel_source, plant_kernel
 from sim_backend.model.parameters import PlantConfig
-from sim_backend.model.source import function_source
+from sim_backend.model.source import function_source, operators_of
 from tests.sim_backend.model.test_parameters import DRIVE
 
 OUTSIDE = 2.0
@@ -232,6 +232,26 @@ def uses_a_module_constant(motor_position, amplitude):
 def test_a_function_that_needs_more_than_its_arguments_is_refused_by_name():
     with pytest.raises(ModelError, match=r"uses_a_module_constant\(\) cannot be compiled: it uses OUTSIDE"):
         function_source(uses_a_module_constant, "value")
+
+
+def test_operators_come_along_once_however_many_effects_call_them():
+    effects = [CATALOGUE[name].function for name in ("creep", "rate-dependent-hysteresis", "maxwell-slip", "cogging")]
+    text = operators_of(effects)
+    assert (text.count("def lag("), text.count("def play(")) == (1, 1)
+    assert operators_of([CATALOGUE["cogging"].function]) == ""
+
+
+def lag(signal):
+    return 0.5 * signal
+
+
+def calls_another_lag(motor_position, amplitude):
+    return amplitude * lag(motor_position)
+
+
+def test_a_function_of_its_own_with_an_operators_name_is_refused():
+    with pytest.raises(ModelError, match=r"calls_another_lag\(\) cannot be compiled: it uses lag"):
+        function_source(calls_another_lag, "value")
 
 
 def test_a_function_without_source_is_refused():

@@ -1,9 +1,12 @@
 """The three laws of the flexspline, (10), (11), (24), and the wave generator's (27): inverses, slopes, shape."""
 
+import math
+
 import numpy as np
 import pytest
 
 from sim_backend.errors import ModelError
+from sim_backend.model import compliance
 from sim_backend.model.compliance import (
     LAWS,
     Compliance,
@@ -105,3 +108,33 @@ def test_both_springs_add_up_to_the_torsion_of_the_drive():
     drive = (100.0, *wave_generator_from_tests(100.0, 1.8e-4, 0.012))
     # (28) with T_w negative: the motor drives; at full torque the wave generator's share is half the hysteresis loss
     assert total_torsion(np.array([1.6641e-3]), np.array([-1.0]), *drive) == pytest.approx(1.6641e-3 + 9.0e-5)
+
+
+@pytest.mark.parametrize(
+    ("law", "values", "message"),
+    [
+        (compliance.flexspline_torsion, (0.0, 0.0), r"^K_F0 = 0\.0 N\*m/rad is not possible: .* above 0 .*\(24\)"),
+        (compliance.flexspline_stiffness, (8e3, -0.1), r"^C_F = -0\.1 1/\(N\*m\) .*\(24\)"),
+        (compliance.flexspline_torque, (8e3, math.nan), r"^C_F = nan .* must be finite and above 0"),
+        (compliance.wave_generator_torsion, (0.0, 83.3), r"^K_w0 = 0\.0 N\*m/rad .*\(27\)"),
+        (
+            compliance.wave_generator_stiffness,
+            (1.3, math.inf),
+            r"^C_w = inf .* finite and above 0 1/\(N\*m\); .*\(27\)",
+        ),
+        (compliance.wave_generator_torque, (1.3, 0.0), r"^C_w = 0\.0"),
+        (compliance.cubic_torque, (0.0, 1.0), r"^a1 = 0\.0 N\*m/rad .*\(10\)"),
+        (compliance.cubic_torsion, (8e3, -1.0), r"^a3 = -1\.0 N\*m/rad\^3 .*\(10\)"),
+        (compliance.piecewise_torsion, (8e3, 9e3, 0.0, 4.0, 12.0), r"^K3 = 0\.0 N\*m/rad .*\(11\)"),
+        (compliance.piecewise_torque, (8e3, 9e3, 1e4, 4.0, 4.0), r"^T2 = 4\.0 N\*m .* above 4 N\*m"),
+        (compliance.piecewise_stiffness, (8e3, 9e3, 1e4, 0.0, 12.0), r"^T1 = 0\.0 N\*m .* above 0 N\*m"),
+    ],
+)
+def test_parameters_that_no_spring_can_have_are_refused(law, values, message):
+    with pytest.raises(ModelError, match=message):
+        law(np.array([0.0]), *values)
+
+
+def test_a_ratio_below_one_is_refused():
+    with pytest.raises(ModelError, match=r"^ratio = 0\.0 is not possible: it must be at least 1; .*\(28\)"):
+        compliance.total_torsion(np.zeros(1), np.zeros(1), 0.0, 1.3, 83.3)

@@ -86,6 +86,25 @@ def test_a_backdriving_torque_that_cannot_be_is_refused(friction):
         backdriving_torque(np.zeros(3), 100.0, friction)
 
 
+def test_a_sample_that_is_no_number_is_refused_with_its_place():
+    with pytest.raises(ModelError, match=r"^inputs\[1\] = nan is not possible: it must be finite; p = min\(max"):
+        play(np.array([0.0, np.nan, 1.0]), 0.5)
+    with pytest.raises(
+        ModelError, match=r"^output_torque\[2\] = inf N\*m is not possible: it must be finite; .*\(36\)"
+    ):
+        backdriving_torque(np.array([0.0, 1.0, np.inf]), 100.0, 2.0)
+    with pytest.raises(ModelError, match=r"^start = nan"):
+        play(np.zeros(3), 0.5, start=float("nan"))
+    with pytest.raises(ModelError, match=r"^radius\[1\] = -1\.0 \(unit of the inputs\) is not possible: .* at least 0"):
+        play(np.zeros(3), np.array([1.0, -1.0, 2.0]))
+
+
+@pytest.mark.parametrize("ratio", [float("nan"), -100.0, 0.0, float("inf")])
+def test_backdriving_through_a_ratio_that_cannot_be_is_refused(ratio):
+    with pytest.raises(ModelError, match=r"^ratio = .* at least 1; T_w = -\(T_F -\+ T_fb\)/N, Zhang \(36\), needs it"):
+        backdriving_torque(np.zeros(3), ratio, 2.0)
+
+
 def test_more_than_one_series_is_refused():
     with pytest.raises(ModelError, match="2 dimensions"):
         play(np.zeros((3, 2)), 1.0)

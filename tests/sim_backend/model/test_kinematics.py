@@ -101,3 +101,14 @@ def test_torques_need_exactly_one_member(given):
 def test_a_ratio_that_cannot_be_is_refused(ratio):
     with pytest.raises(ModelError, match=r"ratio = .* at least 1"):
         motion(ratio, circular_spline=0.0, flexspline=1.0)
+
+
+def test_a_motion_or_torque_that_is_no_number_is_refused():
+    with pytest.raises(
+        ModelError, match=r"^wave_generator = nan rad or rad/s is not possible: .*finite; equation \(1\)"
+    ):
+        motion(100.0, wave_generator=math.nan, circular_spline=0.0)
+    with pytest.raises(ModelError, match=r"^flexspline = inf N\*m is not possible: .*equation \(3\)"):
+        torques(100.0, flexspline=math.inf)
+    with pytest.raises(ModelError, match=r"^friction = nan N\*m"):
+        wave_generator_torque(100.0, 1.0, math.nan)

@@ -235,3 +235,9 @@ def test_a_damper_too_strong_for_the_step_is_refused_with_the_body_the_damping_a
     body = "motor" if name in ("rotor_viscous_friction", "wave_generator_damping") else "output"
     with pytest.raises(ModelError, match=rf"{body} inertia .* dampers \(.*{name} = 60.* at most .* less damping"):
         PlantConfig(DRIVE, **{name: 60.0})
+
+
+def test_the_rotation_may_be_given_by_its_name():
+    assert PlantConfig(DRIVE, rotation="opposed").rotation == Rotation.OPPOSED
+    with pytest.raises(ModelError, match="rotation = 'same'"):
+        PlantConfig(DRIVE, rotation="same")
