@@ -52,11 +52,14 @@ ANGLE_PASSES = 2
 LEAST_LOAD = 0.05
 """Part of the running friction by which the torque of a turning run must vary before it is a load and not noise."""
 
-LEAST_LEVEL = 1e-3
-"""Share of the base level of friction that is left whatever is taken from it."""
+LEAST_LEVEL, MOST_LEVEL = 1e-3, 1e6
+"""Share of the base level of friction that is left whatever is taken from it, and how often it may be multiplied."""
 
-LEVEL_PASSES = 3
-"""Rounds in which a friction takes up the torque that grows with it, and a current the reading that it makes."""
+LEVEL_PASSES, SETTLED = 40, 1e-6
+"""Rounds at most in which a friction takes up the torque that grows with it, and the relative change that ends them."""
+
+READING_PASSES = 3
+"""Rounds in which a current takes up the reading that it makes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,13 +285,15 @@ def _locked(track: Track, model: Model) -> Evaluation:
     drive = np.zeros(track.size * track.fine) if track.play_drive is None else track.play_drive
     path = play_path(N * drive, N * model.value("T_fs"), track.fine)
     signals = _signals(track, model, positions, path.output, track.M)
-    held = np.zeros(track.size)
+    held, most = np.zeros(track.size), N * np.abs(drive).max(initial=0.0)
     for _ in range(LEVEL_PASSES if model.lines or model.shapes else 0):
         against = np.repeat(added.motor(signals), track.fine)
         radius = N * _radius(model.value("T_fs"), added.friction(signals), track.fine)
-        held = _held_by_mesh(added.angle(signals), path.output, model)
+        held = np.clip(_held_by_mesh(added.behind_mesh(signals), path.output, model), -most, most)
         path = play_path(N * (drive - against) + np.repeat(held, track.fine), radius, track.fine)
-        signals = _loaded(signals, path.output - held)
+        before, signals = signals["output_torque"], _loaded(signals, path.output - held)
+        if np.abs(signals["output_torque"] - before).max(initial=0.0) <= SETTLED * np.abs(before).max(initial=0.0):
+            break
     stand_in = path.output - held
     ones = np.ones(track.size)
     slipped, last = path.slip >= 0, np.maximum(path.slip, 0)
@@ -309,7 +314,7 @@ def _motor_reading(track: Track, added: Added, signals: dict[str, Floats], torqu
     """
     signals["motor_torque"] = torque
     reading = torque + added.motor(signals)
-    for _ in range(LEVEL_PASSES if added.shapes and track.torque_constant is not None else 1):
+    for _ in range(READING_PASSES if added.shapes and track.torque_constant is not None else 1):
         if track.torque_constant is not None:
             signals["motor_current"] = reading / track.torque_constant
             reading = torque + added.motor(signals)
@@ -326,7 +331,7 @@ def _held_by_mesh(angle: Floats, torque: Floats, model: Model) -> Floats:
 
 def _radius(level: float, added: Floats | None, fine: int) -> Floats | float:
     """Give the radius of a play whose level grows by `added` (n,), one value for every fine sample."""
-    return level if added is None else np.repeat(np.maximum(level + added, LEAST_LEVEL * level), fine)
+    return level if added is None else np.repeat(np.clip(level + added, LEAST_LEVEL * level, MOST_LEVEL * level), fine)
 
 
 def _motor(piece: Piece, model: Model) -> Evaluation:
