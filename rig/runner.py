@@ -410,11 +410,12 @@ class _Execution:
             problems.catch(lambda: self._stop_quickly(problems))
         states = self._take_torque(problems)
         confirmed = all(axis in states and not states[axis].energised for axis in self._bench.axes)
+        told_already = None if cause is None else _told(cause)
         safe = SafeState(
             reaction=", ".join(taken),
             states={str(axis): str(states.get(axis, NOT_CONFIRMED)) for axis in self._bench.axes},
             confirmed=confirmed,
-            problem=" ".join(dict.fromkeys(map(_told, problems.found))),
+            problem=" ".join(text for text in dict.fromkeys(map(_told, problems.found)) if text != told_already),
         )
         shown = ", ".join(f"{axis} {state}" for axis, state in safe.states.items())
         text = f"{safe.reaction}: {shown}; {'confirmed' if confirmed else 'NOT CONFIRMED'}"

@@ -7,16 +7,17 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from drivers.clock import VirtualClock
-from drivers.errors import ConfigError, Mistake
+from drivers.errors import ConfigError, Mistake, RigError
 from rig.bench import Bench
 from rig.config.bench import SIMULATED, BenchFile, Device, Lock
+from rig.config.catalogue import beyond_limits
 from rig.config.dut import Dut, Rotation, default_dut
 from rig.loop.frames import turned, turned_shape
 from rig.loop.model_file import Model, ModelEffect
 from rig.loop.shapes import ShapeTerm, named_effect
 from rig.loop.terms import Entry, Line, TermClass, is_line, periodic_effects
 from rig.operator import Answered
-from sim_backend.errors import ModelError, ParameterError
+from sim_backend.errors import ModelError, NotFiniteError, ParameterError
 from sim_backend.model.effects import CATALOGUE, ActiveEffect, Effect
 from sim_backend.model.estimation import LOSS, PIECEWISE, flexspline_from_catalogue
 from sim_backend.model.parameters import HarmonicDrive, PlantConfig
@@ -56,6 +57,30 @@ class SimulatedBench:
     world: World
     plant: Plant
     assumed: tuple[str, ...]
+
+
+class SimulationError(RigError):
+    """The simulated plant was lost: its numbers would not stay finite. `time`: s; `signals`: what was lost."""
+
+    def __init__(self, message: str, *, time: float, signals: tuple[str, ...]) -> None:
+        self.time = time
+        self.signals = signals
+        super().__init__(message, time=time, signals=list(signals))
+
+
+class _BenchPlant:
+    """The plant in the world of a bench: that it was lost ends a run as a fault of the bench does."""
+
+    def __init__(self, plant: Plant) -> None:
+        self._plant = plant
+        self.set_lock = plant.set_lock
+
+    def advance_to(self, time: float) -> None:
+        """Integrate up to `time` (s). Raises SimulationError."""
+        try:
+            self._plant.advance_to(time)
+        except NotFiniteError as error:
+            raise SimulationError(str(error), time=error.time, signals=error.signals) from error
 
 
 class _WorldLock:
@@ -108,7 +133,7 @@ def simulate(
         nodes = tuple(_node(role, device, plant, dut) for role, device in bench.devices.items())
     except (ModelError, OverflowError) as error:
         raise ConfigError(source, [Mistake("simulated bench", dut.name, str(error).rstrip("."))]) from error
-    world = World(plant, nodes)
+    world = World(_BenchPlant(plant), nodes)
     keys = {(device.interface, device.channel) for device in bench.devices.values()}
     if len(keys) > 1:
         raise ConfigError(
@@ -161,6 +186,10 @@ def _drive_mistakes(bench: BenchFile, dut: Dut) -> Iterator[Mistake]:
 
 def _catalogue_mistakes(dut: Dut) -> Iterator[Mistake]:
     """Name the catalogue values from which no drive can be estimated, in the dut's keys."""
+    beyond = list(beyond_limits(dut))
+    if beyond:
+        yield from beyond
+        return
     values = _catalogue(dut)
     caps: dict[str, Any] = {field.name: field.default for field in fields(PlantConfig)}
     K1, K2, T1, T2 = (values[name] for name in ("K1", "K2", "T1", "T2"))

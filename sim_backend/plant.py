@@ -11,17 +11,16 @@ from typing import NamedTuple, NoReturn, cast
 
 import numpy as np
 
-from sim_backend.errors import ModelError
+from sim_backend.errors import ModelError, NotFiniteError
 from sim_backend.model import springs, stepper
+from sim_backend.model.compiler import has_numba
 from sim_backend.model.compliance import Compliance
 from sim_backend.model.constants import derive
+from sim_backend.model.effect_bounds import check_effects
 from sim_backend.model.effects import ActiveEffect
 from sim_backend.model.kernel import plant_kernel
 from sim_backend.model.parameters import PlantConfig
 from sim_backend.ports import AxisMode, PlantReading
-
-STIFFNESS_APART = 2.0
-"""Factor by which the stiffness that an effect is given may differ from that of the drive's flexspline at rest."""
 
 _NOISE_BLOCK = 1024
 """Readings whose noise is drawn at once."""
@@ -39,6 +38,32 @@ _seen = itemgetter(
 )
 """What the instruments see of the state; the load drive sits on the output shaft, so it sees the output's angle."""
 
+_WATCHED = {
+    "motor_position": stepper.MOTOR_POSITION,
+    "motor_velocity": stepper.MOTOR_VELOCITY,
+    "output_position": stepper.OUTPUT_POSITION,
+    "output_velocity": stepper.OUTPUT_VELOCITY,
+    "rim_position": stepper.RIM,
+    "motor_torque": stepper.SHOWN_TORQUE,
+    "load_torque": stepper.LOAD_TORQUE,
+    "output_torque": stepper.OUTPUT_TORQUE,
+    "flexspline_torque": stepper.T_F_NOW,
+    "wave_generator_torque": stepper.T_W_NOW,
+    "temperature": stepper.GEAR_TEMPERATURE,
+    "motor_temperature": stepper.WINDING_TEMPERATURE,
+    "error of motor_position": stepper.MOTOR_POSITION_ERROR,
+    "error of motor_torque": stepper.MOTOR_TORQUE_ERROR,
+    "error of output_position": stepper.OUTPUT_POSITION_ERROR,
+    "error of output_torque": stepper.OUTPUT_TORQUE_ERROR,
+    "work": stepper.WORK,
+    "heat": stepper.DISSIPATED,
+    "effect_work": stepper.EFFECT_WORK,
+}
+"""What tells, by not being finite, that the plant was lost; everything that moves goes into one of these."""
+
+_MOST_NAMED = 4
+"""Names of lost signals in a message."""
+
 _errors = itemgetter(
     stepper.MOTOR_POSITION_ERROR,
     stepper.MOTOR_VELOCITY_ERROR,
@@ -48,6 +73,8 @@ _errors = itemgetter(
 )
 """What effects add to the readings; that of the motor torque is in SHOWN_TORQUE."""
 
+_watched = itemgetter(*_WATCHED.values())
+
 _new_reading = partial(tuple.__new__, PlantReading)
 """Make a reading of a tuple in half the time of `PlantReading(...)`: there is one in every tick."""
 
@@ -56,6 +83,8 @@ _AXES = {
     "load": (stepper.LOAD_MODE, stepper.LOAD_TARGET, stepper.LOAD_LIMIT, stepper.LOAD_LIMITED),
 }
 
+
+_MODES = frozenset(AxisMode)
 
 _FLEXSPLINE_ENERGY = {
     Compliance.ARCTAN: springs.flexspline_energy,
@@ -96,7 +125,7 @@ class PlantTruth(NamedTuple):
 class Plant:
     """A bench in simulated time; sense `opposed`. Implements `sim_backend.ports.PlantPort`.
 
-    Raises ModelError if the plant cannot have an effect, or an effect assumes another bench than `config`.
+    Raises ModelError if the plant cannot have an effect, or this bench not these effects (`model.effect_bounds`).
     It starts at rest without torque, motor at angle zero, both drives off, output free. `effects` are active for the
     plant's life. `seed` fixes the instruments' noise. `compiled=False` runs the same source as plain Python.
     """
@@ -106,7 +135,8 @@ class Plant:
     ) -> None:
         self.config = config
         self.effects = tuple(effects)
-        _check_known(self.effects, config)
+        check_effects(self.effects, config)
+        _check_seed(seed)
         self._kernel = plant_kernel(self.effects, config.law, compiled=compiled)
         self._derived = derive(config)
         self._constants = np.array(self._derived, dtype=np.float64)
@@ -123,6 +153,8 @@ class Plant:
         self._noise: Iterator[list[float]] = iter(())
         self._stepper = self._kernel.bind(self._state, self._inputs, self._constants)
         self._advance = self._stepper.advance
+        if not (compiled and has_numba()):  # what is lost is told by an error; numpy's warnings would come before it
+            self._advance = np.errstate(all="ignore")(self._advance)
         self._step = config.step
         self._steps = 0
         self._reading: PlantReading | None = None
@@ -139,15 +171,45 @@ class Plant:
         return bool(self._inputs[stepper.LOCKED])
 
     def advance_to(self, time: float) -> None:
-        """Integrate up to the step nearest to `time` (s). Raises ModelError if that lies in the past."""
-        steps = round(time / self._step) - self._steps
+        """Integrate up to the step nearest to `time` (s).
+
+        Raises ModelError if that lies in the past or is no finite number, and NotFiniteError if the plant's own numbers
+        do not stay finite. In both cases the plant stands where it stood.
+        """
+        try:
+            steps = round(time / self._step) - self._steps
+        except (TypeError, ValueError, OverflowError):
+            raise ModelError(f"time = {time!r} s is not a finite number.") from None
         if steps < 0:
             raise ModelError(f"time = {time!r} s is in the past: the plant stands at {self.time!r} s.")
         if steps == 0:
             return
-        self._advance(steps)
+        before = self._state_view.tobytes()
+        try:
+            self._advance(steps)
+        except (ArithmeticError, ValueError):  # from plain Python alone: compiled code goes on with what is no number
+            raise self._lost(steps, before) from None
+        if not math.isfinite(sum(_watched(self._state_view))):
+            raise self._lost(steps, before)
         self._steps += steps
         self._reading = None
+
+    def _lost(self, steps: int, before: bytes) -> NotFiniteError:
+        """Put the state back to what it was, and give the error that says what was lost and why that may be."""
+        signals = tuple(name for name, place in _WATCHED.items() if not math.isfinite(self._state_view[place]))
+        self._state[:] = np.frombuffer(before)
+        shown = ", ".join(signals[:_MOST_NAMED]) or "its forces"
+        if len(signals) > _MOST_NAMED:
+            shown += f" and {len(signals) - _MOST_NAMED} more"
+        told = "; ".join(_told(active) for active in self.effects) or "none"
+        return NotFiniteError(
+            f"The simulated plant cannot be computed from {self.time:.6g} to {self.time + steps * self._step:.6g} s: "
+            f"{shown} would not be finite. The likely cause is an effect, a stiffness or "
+            f"a damping that is too large for the plant or for its step = {self._step:g} s; its effects are: {told}. "
+            f"Make them smaller, or the step shorter.",
+            time=self.time,
+            signals=signals,
+        )
 
     def command(self, axis: str, mode: AxisMode, target: float) -> None:
         """Set what the inner loop of `axis` regulates: N*m, rad/s or rad; OFF leaves the shaft without torque.
@@ -155,15 +217,17 @@ class Plant:
         A change of mode takes over without a jump: the speed loop begins with the torque of the moment.
         """
         mode_place, target_place, _, _ = _AXES.get(axis) or _unknown(axis)
-        if not math.isfinite(target):
-            raise ModelError(f"{axis}: target = {target!r} in mode {mode.name} is not a finite number.")
+        if mode not in _MODES:
+            raise ModelError(f"{axis}: mode = {mode!r} is unknown; a drive has {', '.join(m.name for m in AxisMode)}.")
+        if not _is_finite(target):
+            raise ModelError(f"{axis}: target = {target!r} in mode {AxisMode(mode).name} is not a finite number.")
         self._inputs_view[mode_place] = mode
         self._inputs_view[target_place] = target
 
     def set_torque_limit(self, axis: str, limit: float) -> None:
         """Bound the torque (N*m, magnitude) which the drive of `axis` can produce."""
         limit_place = (_AXES.get(axis) or _unknown(axis))[2]
-        if not (math.isfinite(limit) and limit >= 0.0):
+        if not (_is_finite(limit) and limit >= 0.0):
             raise ModelError(f"{axis}: torque limit = {limit!r} N*m must be finite and at least 0 N*m.")
         self._inputs[limit_place] = limit
 
@@ -177,6 +241,8 @@ class Plant:
 
     def set_lock(self, locked: bool) -> None:
         """Clamp the output to the fixture where it stands, or let it go."""
+        if not isinstance(locked, bool | np.bool_):
+            raise ModelError(f"locked = {locked!r} must be True (the fixture holds the output) or False.")
         if locked == self.locked:
             return
         before = self._stored_energy()  # of it, what a fixture that opens held is lost
@@ -290,27 +356,25 @@ class Plant:
         return 0.5 * self.config.fixture_stiffness * stretch**2
 
 
-def _check_known(effects: Sequence[ActiveEffect], config: PlantConfig) -> None:
-    """Raise ModelError if an effect was given another ratio, torque constant or stiffness than the bench has.
+def _check_seed(seed: object) -> None:
+    """Raise ModelError unless the noise can be drawn from it."""
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise ModelError(f"seed = {seed!r} must be a whole number of at least 0; the instruments' noise needs it.")
 
-    The stiffness may differ by a factor of STIFFNESS_APART: what is fitted often is not what a catalogue says.
-    """
-    own = {"ratio": config.drive.ratio, "torque_constant": config.torque_constant}
-    at_rest = config.stiffness_at_rest
-    for active in effects:
-        for parameter, value in zip(active.effect.parameters, active.values, strict=True):
-            name = parameter.name
-            if parameter.known and name == "stiffness" and abs(math.log(value / at_rest)) > math.log(STIFFNESS_APART):
-                raise ModelError(
-                    f"{active.effect.id}: stiffness = {value!r} {parameter.unit} contradicts the drive, which has "
-                    f"{at_rest:.6g} {parameter.unit} at rest: between {at_rest / STIFFNESS_APART:.6g} and "
-                    f"{at_rest * STIFFNESS_APART:.6g} {parameter.unit}; {active.effect.equation} needs it."
-                )
-            if parameter.known and name in own and not math.isclose(value, own[name], rel_tol=1e-9):
-                raise ModelError(
-                    f"{active.effect.id}: {name} = {value!r} {parameter.unit} contradicts the bench, which has "
-                    f"{own[name]!r} {parameter.unit}; {active.effect.equation} needs the same."
-                )
+
+def _is_finite(value: float) -> bool:
+    """Tell whether a value is a finite number, whatever it is."""
+    try:
+        return math.isfinite(value)
+    except (TypeError, OverflowError):
+        return False
+
+
+def _told(active: ActiveEffect) -> str:
+    """Give an effect with its values, as a message names it."""
+    pairs = zip(active.effect.parameters, active.values, strict=True)
+    values = (f"{p.name} = {value:g}{'' if p.unit == '1' else f' {p.unit}'}" for p, value in pairs)
+    return f"{active.effect.id} ({', '.join(values)})"
 
 
 def _unknown(axis: str) -> NoReturn:

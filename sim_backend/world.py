@@ -6,11 +6,11 @@ Time moves when it is told to, in ticks that are counted as integers: a million 
 import heapq
 import math
 from collections.abc import Callable, Sequence
+from typing import Protocol
 
 from sim_backend.buses.lockstep import LockstepBus
 from sim_backend.errors import ModelError
 from sim_backend.nodes.frame import Node
-from sim_backend.ports import PlantPort
 
 TICK = 1e-3
 """s between the firmware cycles of the devices."""
@@ -19,13 +19,23 @@ _SNAP = 1e-6
 """Part of a tick by which a requested time may miss a tick and still mean it."""
 
 
+class Mover(Protocol):
+    """What the world asks of the plant; the devices ask for the rest of `PlantPort`."""
+
+    def advance_to(self, time: float) -> None:
+        """Integrate up to `time` (s)."""
+
+    def set_lock(self, locked: bool) -> None:
+        """Clamp the output to the fixture where it stands, or let it go."""
+
+
 class World:
     """A bench that is not there, at simulated `time` (s, to be read only), with a python-can `bus`.
 
     The devices are found powered and pre-operational at time 0, their boot-up messages waiting on the bus.
     """
 
-    def __init__(self, plant: PlantPort, nodes: Sequence[Node], tick: float = TICK) -> None:
+    def __init__(self, plant: Mover, nodes: Sequence[Node], tick: float = TICK) -> None:
         if not (math.isfinite(tick) and tick > 0):
             raise ModelError(f"tick = {tick} s of the simulated world must be a positive number")
         self._nodes = {node.node_id: node for node in nodes}
@@ -63,8 +73,8 @@ class World:
                 self.plant.advance_to(deadline)
                 self.time = deadline
             return
-        self._ticks += 1
         self.plant.advance_to(next_tick)
+        self._ticks += 1
         # a deadline that misses the tick by rounding is reached with it
         self.time = deadline if next_tick < deadline < next_tick + self._snap else next_tick
         self._tick_nodes()

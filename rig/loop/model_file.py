@@ -4,13 +4,16 @@ import json
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationError, field_validator
+from pydantic import Field, ValidationError
 
 from drivers.errors import ConfigError, Mistake
 from rig.config.dut import Dut
 from rig.config.toml_file import FileModel, mistakes_of
+from rig.loop.model_check import mistakes_in
 
 MAX_BYTES = 5_000_000
+
+_HINT = "Write it anew with `rig loop`."
 
 Whole = Annotated[float, Field(strict=False)]
 """A number; JSON writes 100.0 as it likes."""
@@ -43,10 +46,6 @@ class ModelEffect(FileModel):
     parameters: dict[str, ModelEstimate]
 
 
-POSITIVE = frozenset({"K_F0", "C_F", "K_w0", "C_w", "T_fs", "T_fb"})
-"""Parameters that no drive has at zero or below; above 1e9 in SI none of them means anything either."""
-
-
 class ModelBase(FileModel):
     """Base model by name, ratio (null: unknown) and parameters.
 
@@ -57,18 +56,6 @@ class ModelBase(FileModel):
     model: Literal["zhang-2014"]
     ratio: Annotated[Whole, Field(ge=1, le=1e6)] | None
     parameters: dict[str, ModelEstimate]
-
-    @field_validator("parameters")
-    @classmethod
-    def _possible(cls, parameters: dict[str, ModelEstimate]) -> dict[str, ModelEstimate]:
-        wrong = [
-            f"{name} = {estimate.value:g} {estimate.unit}: must be above 0 and at most 1e9"
-            for name, estimate in parameters.items()
-            if name in POSITIVE and not 0.0 < estimate.value <= 1e9
-        ]
-        if wrong:
-            raise ValueError("; ".join(wrong))
-        return parameters
 
 
 class Model(FileModel):
@@ -97,7 +84,7 @@ def write_model(model: Model, path: Path) -> None:
 
 
 def load_model(path: Path) -> Model:
-    """Read the file. Raises ConfigError with every mistake and its path."""
+    """Read the file. Raises ConfigError with every mistake and its path, also of what the catalogue does not know."""
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -109,6 +96,10 @@ def load_model(path: Path) -> Model:
     except (ValueError, RecursionError) as error:  # not UTF-8, no JSON, or a number of 5000 digits
         raise ConfigError(str(path), [Mistake("JSON", path.name, str(error) or "nested too deeply")]) from error
     try:
-        return Model.model_validate(content)
+        model = Model.model_validate(content)
     except ValidationError as error:
-        raise ConfigError(str(path), mistakes_of(error), hint="Write it anew with `rig loop`.") from error
+        raise ConfigError(str(path), mistakes_of(error), hint=_HINT) from error
+    mistakes = mistakes_in(model)
+    if mistakes:
+        raise ConfigError(str(path), mistakes, hint=_HINT)
+    return model

@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.errors import ConfigError
+from rig.config.catalogue import beyond_limits
 from rig.config.dut import Dut
 
 Floats = NDArray[np.float64]
@@ -73,7 +75,13 @@ TYPICAL_STIFFNESS_TORQUES = (8.4e3, 9.4e3, 3.9, 12.0)
 
 
 def parameter_table(dut: Dut, ratio: float | None) -> ParameterTable:
-    """Give start values and priors for this device. `ratio`: given or estimated; None: a typical one scales starts."""
+    """Give start values and priors for this device. `ratio`: given or estimated; None: a typical one scales starts.
+
+    Raises ConfigError if the device has catalogue values that no drive has.
+    """
+    mistakes = list(beyond_limits(dut))
+    if mistakes:
+        raise ConfigError(f"dut '{dut.name}'", mistakes)
     N = ratio or TYPICAL_RATIO
     gear = dut.gear
     K1 = gear.K1 or TYPICAL_STIFFNESS_TORQUES[0]

@@ -123,7 +123,8 @@ def noise_variance(values: Floats, period: float) -> Floats:
     """Give the variance of white noise around every sample, shape (n,), from second differences: a slope has none."""
     bend = values[2:] - 2.0 * values[1:-1] + values[:-2]
     padded = np.concatenate([bend[:1], bend, bend[-1:]])
-    return np.asarray(uniform_filter1d(padded**2 / 6.0, 2 * round(NOISE_SPAN / period) + 1))
+    # a running sum leaves a rounding error where there is no noise at all
+    return np.maximum(uniform_filter1d(padded**2 / 6.0, 2 * round(NOISE_SPAN / period) + 1), 0.0)
 
 
 def _memory(values: Floats, period: float) -> float:

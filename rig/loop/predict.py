@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.errors import DataError
 from rig.log.names import safe_name, writable_folder
 from rig.log.run import Run
 from rig.loop.checks import check_gear
-from rig.loop.equations import pieces_of, target_of
+from rig.loop.equations import Piece, pieces_of, target_of
+from rig.loop.evaluation import Evaluation
 from rig.loop.model import Model, predict
 from rig.loop.model_file import Model as ModelFile
 from rig.loop.trace import start_model
@@ -41,9 +43,10 @@ def model_of_file(model: ModelFile) -> Model:
 
 
 def predict_run(run: Run, model: ModelFile) -> tuple[Prediction, ...]:
-    """Predict every equation that the run allows. Raises DataError where the device contradicts the run.
+    """Predict every equation that the run allows.
 
-    The run's own constant of an angle is removed; the predicted value never uses the channel it predicts.
+    Raises DataError where the device contradicts the run, or where what the model says of it is no number. The run's
+    own constant of an angle is removed; the predicted value never uses the channel it predicts.
     """
     track = make_track(run, model.dut)
     check_gear([track], model.dut)
@@ -51,7 +54,7 @@ def predict_run(run: Run, model: ModelFile) -> tuple[Prediction, ...]:
     sense = -1.0 if model.dut.gear.rotation.value == "same" else 1.0
     found = []
     for piece in pieces_of(track, computed.ratio):
-        evaluation = predict(piece, computed)
+        evaluation = _evaluated(piece, computed)
         target = target_of(piece, computed.ratio)
         counted = np.zeros(track.size, dtype=bool)
         counted[piece.index] = evaluation.settled[piece.index]
@@ -72,6 +75,26 @@ def predict_run(run: Run, model: ModelFile) -> tuple[Prediction, ...]:
             )
         )
     return tuple(found)
+
+
+def _evaluated(piece: Piece, model: Model) -> Evaluation:
+    """Evaluate the model for a piece. Raises DataError where that overflows or leaves a sample without a number."""
+    try:
+        with np.errstate(over="raise", divide="raise", invalid="raise"):
+            evaluation = predict(piece, model)
+        sound = bool(np.all(np.isfinite(evaluation.value[piece.index])))
+    except (FloatingPointError, OverflowError):
+        sound = False
+    if not sound:
+        terms = [f"{line.kind.id} of order {line.order:g}, amplitude {line.amplitude:g}" for line in model.lines]
+        terms += [shape.effect.id for shape in model.shapes]
+        raise DataError(
+            piece.track.name,
+            f"what the model predicts of its {piece.equation.value} is no number",
+            expected="parameters and effects with which every sample can be computed",
+            hint=f"Something in the model is too large for this run: {'; '.join(['its base parameters', *terms])}.",
+        )
+    return evaluation
 
 
 def write_predictions(runs: Sequence[Run], model: ModelFile, folder: Path) -> tuple[Path, ...]:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_backend.errors import ModelError
-from sim_backend.model.compiler import cache_folder, has_numba, kernel_text, load, write_whole
+from sim_backend.model.compiler import cache_folder, has_numba, keep, kernel_text, load, own_content
 
 Array: TypeAlias = NDArray[np.float64]
 Bound: TypeAlias = Callable[[int], None]
@@ -81,12 +81,12 @@ def _machine_code(title: str, body: str, calls: Calls, sizes: tuple[int, ...]) -
     digest = hashlib.sha256("\n".join([*versions, target.triple, cpu, features, text]).encode()).hexdigest()
     path = cache_folder() / f"harmonic_rig_{digest[:24]}.o"
     names = [name for name, _ in calls]
-    code = _unsealed(path.read_bytes()) if path.is_file() else None
+    code = _unsealed(own_content(path) or b"")
     if code is None:
         code = _compile(llvm, target, text, names)
         if code is None:
             return None
-        write_whole(path, _sealed(code))
+        keep(path, _sealed(code))
     return _link(llvm, target, code, names)
 
 

@@ -1,20 +1,19 @@
 """Parameters of the harmonic drive and of the simulated bench, with the checks that keep them physical."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import StrEnum
 from typing import Self
 
 from sim_backend.errors import ModelError
+from sim_backend.model import limits
 from sim_backend.model.checks import require
-from sim_backend.model.compliance import (
-    Compliance,
-    check_cubic,
-    check_flexspline,
-    check_piecewise,
-    check_wave_generator,
-)
-from sim_backend.model.estimation import flexspline_from_catalogue, wave_generator_from_tests
+from sim_backend.model.compliance import Compliance
+from sim_backend.model.estimation import check_torques, flexspline_from_catalogue, wave_generator_from_tests
+from sim_backend.model.limits import require_within
+
+DAMPING_SHARE = 0.9
+"""Part of the step's stability limit that springs and dampers of a body together may use."""
 
 
 class Rotation(StrEnum):
@@ -42,11 +41,7 @@ class HarmonicDrive:
     viscous_friction: float = 0.0
 
     def __post_init__(self) -> None:
-        require("ratio", self.ratio, "", "theta_w = -N theta_F, Zhang (4),", low=1.0)
-        check_flexspline(self.K_F0, self.C_F)
-        check_wave_generator(self.K_w0, self.C_w)
-        require("friction_torque", self.friction_torque, "N*m", _RIM, low=0.0)
-        require("viscous_friction", self.viscous_friction, "N*m*s", _RIM, low=0.0)
+        require_within(limits.DRIVE, _numbers(self))
 
     @classmethod
     def from_catalogue(
@@ -67,7 +62,6 @@ class HarmonicDrive:
         starting_torque: N*m at the motor. See `estimation` for what the paper printed otherwise.
         Raises ModelError if a value is out of range or no drive has these stiffnesses.
         """
-        require("ratio", ratio, "", "K_w0 = 2 T_fs/(N Psi), Zhang (33),", low=1.0)
         K_F0, C_F = flexspline_from_catalogue(K1, K2, T1, T2)
         K_w0, C_w = wave_generator_from_tests(ratio, hysteresis_loss, starting_torque)
         return cls(
@@ -89,7 +83,7 @@ class Cubic:
     a3: float
 
     def __post_init__(self) -> None:
-        check_cubic(self.a1, self.a3)
+        require_within(limits.CUBIC, _numbers(self))
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +97,8 @@ class Piecewise:
     T2: float
 
     def __post_init__(self) -> None:
-        check_piecewise(self.K1, self.K2, self.K3, self.T1, self.T2)
+        require_within(limits.PIECEWISE, _numbers(self))
+        check_torques(self.T1, self.T2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,14 +165,9 @@ class PlantConfig:
                 f"rotation = {str(self.rotation)!r}: the simulated bench turns its output against the motor only. "
                 f"Use 'opposed', or mirror the motor's signals before they reach the model."
             )
-        for name, (unit, equation) in _POSITIVE.items():
-            require(name, getattr(self, name), unit, equation, above=0.0)
-        for name, (unit, equation) in _NOT_NEGATIVE.items():
-            require(name, getattr(self, name), unit, equation, low=0.0)
-        for name in ("temperature", "motor_temperature", "ambient_temperature"):
-            require(name, getattr(self, name), "degC", _THERMAL, low=-273.15)
-        if self.winding_resistance is not None:
-            require("winding_resistance", self.winding_resistance, "ohm", "the heat R i^2 of the motor", low=0.0)
+        self._check_parts()
+        without = ("winding_resistance",) if self.winding_resistance is None else ()
+        require_within(limits.BENCH, _numbers(self, *_PARTS, *without))
         self._check_caps()
         ticks = self.loop_period / self.step
         if round(ticks) < 1 or not math.isclose(ticks, round(ticks), rel_tol=1e-9):
@@ -186,6 +176,16 @@ class PlantConfig:
                 f"it is {ticks:g} steps."
             )
         self._check_step()
+
+    def _check_parts(self) -> None:
+        """Raise ModelError if drive or flexspline is something else."""
+        if not isinstance(self.drive, HarmonicDrive):
+            raise ModelError(f"drive = {self.drive!r} is not possible: a bench needs a HarmonicDrive.")
+        if not isinstance(self.flexspline, Cubic | Piecewise | None):
+            raise ModelError(
+                f"flexspline = {self.flexspline!r} is not possible: it must be None (the drive's own law, Zhang (24)), "
+                f"Cubic (10) or Piecewise (11)."
+            )
 
     def _check_caps(self) -> None:
         """Raise ModelError if a spring is stiffer at rest than the stiffness up to which its law is followed."""
@@ -202,16 +202,36 @@ class PlantConfig:
         require("flexspline_stiffness_cap", self.flexspline_stiffness_cap, "N*m/rad", law, above=at_rest)
 
     def _check_step(self) -> None:
-        """Raise ModelError if the stiffest spring with the lightest body swings too fast for the step."""
-        motor = math.sqrt(self.motor_inertia / self.wave_generator_stiffness_cap)
-        output = math.sqrt(self.output_inertia / (self.flexspline_stiffness_cap + self.fixture_stiffness))
-        if self.step > min(motor, output):
-            body, inertia = ("motor", self.motor_inertia) if motor < output else ("output", self.output_inertia)
-            raise ModelError(
-                f"step = {self.step:g} s is too long for the {body} inertia of {inertia:g} kg*m^2 on its springs: "
-                f"at most {min(motor, output):.3g} s. Use a shorter step (loop_period must stay a whole multiple), "
-                f"a larger {body} inertia or lower stiffness caps."
-            )
+        """Raise ModelError if a body swings too fast on its springs, or is damped too strongly, for the step."""
+        on_motor = ("rotor_viscous_friction", "wave_generator_damping")
+        on_output = ("output_viscous_friction", "flexspline_damping", "fixture_damping")
+        on_flange = self.flexspline_stiffness_cap + self.fixture_stiffness
+        self._check_body("motor", self.motor_inertia, self.wave_generator_stiffness_cap, on_motor)
+        self._check_body("output", self.output_inertia, on_flange, on_output)
+
+    def _check_body(self, body: str, inertia: float, stiffness: float, dampers: tuple[str, ...]) -> None:
+        """Raise ModelError if the step is too long for an inertia with all that can act on it at once.
+
+        With w = h^2 K/J and z = h d/J a step h is stable up to z + w/4 = 1: a damper takes the speed extrapolated to
+        the end of the step.
+        """
+        damping = sum(getattr(self, name) for name in dampers)
+        on_springs = math.sqrt(inertia / stiffness)
+        # the root of z + w/4 = DAMPING_SHARE, in the form that takes no difference
+        rate, square = damping / inertia, stiffness / inertia
+        damped = 2.0 * DAMPING_SHARE / (rate + math.sqrt(rate**2 + square * DAMPING_SHARE))
+        if self.step <= min(on_springs, damped):
+            return
+        if on_springs <= damped:
+            cause, remedy = "on its springs", "lower stiffness caps"
+        else:
+            named = ", ".join(f"{name} = {getattr(self, name):g}" for name in dampers if getattr(self, name) > 0.0)
+            cause, remedy = f"with its dampers ({named} N*m*s/rad)", "less damping"
+        raise ModelError(
+            f"step = {self.step:g} s is too long for the {body} inertia of {inertia:g} kg*m^2 {cause}: "
+            f"at most {min(on_springs, damped):.4g} s. Use a shorter step (loop_period must stay a whole multiple), "
+            f"a larger {body} inertia or {remedy}."
+        )
 
     @property
     def law(self) -> Compliance:
@@ -241,44 +261,10 @@ class PlantConfig:
         return self.rotor_inertia + self.wave_generator_inertia
 
 
-_RIM = "|T_F + N T_w| = friction_torque + N^2 viscous_friction |v| of the sliding rim"
-_MOTOR = "(J_m + J_wg) dw/dt = sum of torques"
-_OUTPUT = "J_l dw/dt = sum of torques"
-_FIXTURE = "the fixture's torque K_fix theta + damping"
-_LOOPS = "the simulated drive"
-_THERMAL = "C dtheta/dt = power - (theta - ambient)/R"
-_NOISE = "the white noise of a reading"
+_PARTS = ("drive", "rotation", "flexspline")
+"""What of a bench is no number."""
 
-_POSITIVE = {
-    "rotor_inertia": ("kg*m^2", _MOTOR),
-    "output_inertia": ("kg*m^2", _OUTPUT),
-    "fixture_stiffness": ("N*m/rad", _FIXTURE),
-    "torque_constant": ("N*m/A", "motor_torque = k_t i"),
-    "motor_rated_torque": ("N*m", _LOOPS),
-    "load_rated_torque": ("N*m", _LOOPS),
-    "motor_speed_limit": ("rad/s", _LOOPS),
-    "load_speed_limit": ("rad/s", _LOOPS),
-    "current_loop_time": ("s", _LOOPS),
-    "loop_period": ("s", _LOOPS),
-    "step": ("s", "the integration"),
-    "gear_heat_capacity": ("J/K", _THERMAL),
-    "gear_thermal_resistance": ("K/W", _THERMAL),
-    "motor_heat_capacity": ("J/K", _THERMAL),
-    "motor_thermal_resistance": ("K/W", _THERMAL),
-}
-_NOT_NEGATIVE = {
-    "wave_generator_inertia": ("kg*m^2", _MOTOR),
-    "rotor_friction": ("N*m", _MOTOR),
-    "rotor_viscous_friction": ("N*m*s", _MOTOR),
-    "output_viscous_friction": ("N*m*s", _OUTPUT),
-    "wave_generator_damping": ("N*m*s/rad", "T_w = g^-1(theta) + damping"),
-    "flexspline_damping": ("N*m*s/rad", "T_F = f^-1(theta) + damping"),
-    "fixture_damping": ("N*m*s/rad", _FIXTURE),
-    "output_torque_noise": ("N*m", _NOISE),
-    "motor_torque_noise": ("N*m", _NOISE),
-    "load_torque_noise": ("N*m", _NOISE),
-    "motor_angle_noise": ("rad", _NOISE),
-    "output_angle_noise": ("rad", _NOISE),
-    "motor_velocity_noise": ("rad/s", _NOISE),
-    "load_velocity_noise": ("rad/s", _NOISE),
-}
+
+def _numbers(parameters: HarmonicDrive | Cubic | Piecewise | PlantConfig, *without: str) -> dict[str, object]:
+    """Give the parameters that must be numbers, by name."""
+    return {f.name: getattr(parameters, f.name) for f in fields(parameters) if f.name not in without}

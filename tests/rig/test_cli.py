@@ -19,9 +19,11 @@ from drivers.signals import BY_NAME
 from drivers.types import Sample
 from rig.cli import app
 from rig.config.bench import BenchFile, load_bench
+from rig.config.dut import default_dut
 from rig.config.toml_file import parse_toml
 from rig.log.load import load_run, load_runs
 from rig.log.writer import LogWriter
+from rig.loop.model_file import Model, ModelBase, ModelEffect, ModelLine, write_model
 from rig.session import calibration
 
 SHORT_BACKDRIVE = ["--set", "backdrive.dwell=0.5", "--set", "backdrive.start_angles=1", "--set", "backdrive.repeats=1"]
@@ -215,6 +217,28 @@ def test_a_limit_hit_in_motion_ends_with_code_3_and_a_complete_log(tmp_path):
     (run,) = load_runs([tmp_path / "runs"])
     assert run.complete
     assert run.metadata["outcome.status"] == "limit"
+
+
+def test_a_simulated_plant_that_is_lost_is_a_bench_fault_with_code_3_and_a_complete_log(tmp_path):
+    wild = ModelEffect(
+        effect="kinematic-error",
+        enters="torsion",
+        variable="motor_position",
+        shape="periodic",
+        lines=(ModelLine(order=1e3, amplitude=0.05, phase=0.0),),
+        parameters={},
+    )
+    base = ModelBase(model="zhang-2014", ratio=100.0, parameters={})
+    model = tmp_path / "model.json"
+    write_model(Model(schema="rig.model/1", dut=default_dut()[0], base=base, effects=(wild,), software="0"), model)
+    answer = rig("run", "starting-torque", "--model", model, "--seed", 1, "-o", tmp_path / "runs")
+    assert answer.exit_code == 3
+    for word in ("cannot be computed", "motor_position", "kinematic-error (amplitude = 0.05 rad", "its step", ".mcap"):
+        assert answer.stderr.count(word) == 1, word
+    (run,) = load_runs([tmp_path / "runs" / "set-up"])
+    assert run.complete
+    assert run.metadata["outcome.status"] == "fault"
+    assert all(math.isfinite(value) for value in run.signals["motor_position"])
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from drivers.errors import ConfigError
 from rig.config.bench import load_bench
 from rig.config.dut import SHD_17_100, Dut, default_dut
 from rig.config.toml_file import parse_toml
+from rig.loop.parameters import parameter_table
 from rig.simulation import simulate
 from sim_backend.model.effects import CATALOGUE, ActiveEffect
 
@@ -58,6 +59,17 @@ def test_torques_out_of_order_by_assumption_are_named():
 def test_all_values_that_cannot_be_are_named_at_once():
     paths = [mistake.path for mistake in refused("rated_torque = 1e9", "K2 = 1", "starting_torque = 10").mistakes]
     assert paths == ["gear.rated_torque", "gear.K1, gear.K2", "gear.starting_torque, gear.hysteresis_loss, gear.ratio"]
+
+
+@pytest.mark.parametrize("line", ["T1 = 1e-200", "hysteresis_loss = 1e-300", "starting_torque = 1e-300", "K1 = 1e-300"])
+def test_a_value_that_no_drive_has_is_refused_by_its_key_on_the_bench_and_in_the_loop(line):
+    name, _, value = line.partition(" = ")
+    (mistake,) = refused(line).mistakes
+    assert mistake.path == f"gear.{name}"
+    assert "a drive has" in mistake.rule
+    text = "\n".join(line if given.startswith(f"{name} = ") else given for given in SHD_17_100.splitlines())
+    with pytest.raises(ConfigError, match=rf"gear\.{name} = {value}: is not possible"):
+        parameter_table(parse_toml(text, Dut, "dut.toml"), 100.0)
 
 
 def with_effect(effect: str, **changed: float) -> None:

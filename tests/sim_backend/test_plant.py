@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from sim_backend.errors import ModelError
+from sim_backend.errors import ModelError, NotFiniteError
 from sim_backend.model.compliance import flexspline_torsion, wave_generator_torsion
 from sim_backend.model.effects import CATALOGUE, ActiveEffect
 from sim_backend.model.friction import play
@@ -898,7 +898,7 @@ def test_an_effect_that_assumes_another_bench_is_refused():
     friction = CATALOGUE["load-dependent-friction"]
     Plant(CONFIG, (ActiveEffect(friction, (0.1, 100.0)),))
     with pytest.raises(
-        ModelError, match=r"load-dependent-friction: ratio = 50.0 1 contradicts the bench, .* 100.0 1; fric"
+        ModelError, match=r"load-dependent-friction: ratio = 50.0 contradicts the bench, .* 100.0; fric"
     ):
         Plant(CONFIG, (ActiveEffect(friction, (0.1, 50.0)),))
     with pytest.raises(ModelError, match=r"current-sensor-offset: torque_constant = 0.1 N\*m/A contradicts"):
@@ -927,3 +927,49 @@ def test_mistakes_are_refused_with_the_value():
         plant.command("motor", AxisMode.TORQUE, math.nan)
     with pytest.raises(ModelError, match="load: torque limit = -1"):
         plant.set_torque_limit("load", -1.0)
+    for time in (math.nan, math.inf, "1", None):
+        with pytest.raises(ModelError, match=f"time = {time!r} s is not a finite number"):
+            plant.advance_to(time)
+    for target in (None, "1", 10**400):
+        with pytest.raises(ModelError, match=f"motor: target = {target!r} in mode TORQUE"):
+            plant.command("motor", AxisMode.TORQUE, target)
+    for mode in (7, "TORQUE"):
+        with pytest.raises(ModelError, match=f"motor: mode = {mode!r} is unknown; a drive has OFF, TORQUE, VELOCITY"):
+            plant.command("motor", mode, 1.0)
+    for locked in (None, 2, 1):
+        with pytest.raises(ModelError, match=f"locked = {locked!r} must be True"):
+            plant.set_lock(locked)
+    for seed in (-1, "a", 1.0, True, None):
+        with pytest.raises(ModelError, match=f"seed = {seed!r} must be a whole number of at least 0"):
+            Plant(CONFIG, seed=seed)
+    assert plant.truth() == Plant(CONFIG).truth()._replace(time=0.5)
+
+
+WILD = ActiveEffect(CATALOGUE["kinematic-error"], (0.05, 1e3, 0.0))
+"""In its range, and yet more than the springs can follow: 50 rad at the output per rad at the motor."""
+
+
+@pytest.mark.parametrize("compiled", [True, False], ids=["compiled", "plain"])
+def test_a_plant_that_is_lost_says_when_what_and_why_and_stands_where_it_stood(compiled):
+    plant = Plant(CONFIG, [WILD], compiled=compiled)
+    plant.command("motor", AxisMode.VELOCITY, 20.0)
+    lost = None
+    while lost is None and plant.time < 1.0:
+        before = plant.truth()
+        try:
+            plant.advance_to(before.time + 1e-3)
+        except NotFiniteError as error:
+            lost = error
+    assert lost is not None
+    assert plant.truth() == before
+    assert lost.time == before.time
+    assert {"motor_velocity", "output_velocity"} <= set(lost.signals) or not lost.signals
+    for words in (
+        f"from {before.time:.6g} to {before.time + 1e-3:.6g} s",
+        "would not be finite",
+        "step = 2e-05 s",
+        "kinematic-error (amplitude = 0.05 rad, order = 1000 1/rev, phase = 0 rad)",
+        "Make them smaller",
+    ):
+        assert words in str(lost)
+    assert all(math.isfinite(value) for value in plant.read())

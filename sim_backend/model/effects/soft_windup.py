@@ -3,7 +3,8 @@
     torsion += amplitude * tanh(output_torque / zone)        rad at the output
 
 Odd in the torque, single-valued, the same at every rate. Source: the soft zone that catalogues of harmonic drives show
-near zero torque; the shape is a choice.
+near zero torque; the shape is a choice. In the plant a zone that is crossed within a step makes energy; within these
+ranges it is at most 2e-4 of what the springs hold.
 """
 
 import math
@@ -26,8 +27,8 @@ EFFECT = Effect(
     shape=Shape.STATIC,
     unit="rad",
     parameters=(
-        Parameter("amplitude", "rad", 0.0, 1e-1, 3e-5, (1e-5, 5e-5), "angle added on either side of zero torque"),
-        Parameter("zone", "N*m", 1e-6, 1e5, 1.0, (0.3, 3.0), "torque over which it is taken up"),
+        Parameter("amplitude", "rad", 0.0, 1e-2, 3e-5, (1e-5, 5e-5), "angle added on either side of zero torque"),
+        Parameter("zone", "N*m", 1e-2, 1e5, 1.0, (0.3, 3.0), "torque over which it is taken up"),
     ),
     amplitudes=("amplitude",),
     function=soft_windup,

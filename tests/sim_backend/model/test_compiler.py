@@ -4,6 +4,7 @@ import importlib.util
 import math
 import os
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 
@@ -102,13 +103,119 @@ def test_a_home_that_cannot_be_written_costs_only_the_cache(tmp_path, monkeypatc
     folder.rmdir()
 
 
-def test_a_tampered_kernel_file_is_written_anew(own_cache):
-    body = "@compiled\ndef value(x):\n    return 2.0 * x"
-    module = load("tampered", body)
-    path = Path(module.__file__)
+BODY = "@compiled\ndef twice(x):\n    return 2.0 * x\n\n@compiled\ndef value(x):\n    return twice(x) + 1.0"
+
+
+def forget() -> None:
+    """As in a new process: nothing of the generated modules is in memory."""
+    for name in [name for name in sys.modules if name.startswith("harmonic_rig_")]:
+        del sys.modules[name]
+
+
+@pytest.fixture
+def kept(own_cache) -> Path:
+    """The cache folder with `BODY` in it, which is not in memory."""
+    forget()
+    assert load("kept", BODY).value(3.0) == 7.0
+    forget()
+    return own_cache
+
+
+def test_a_tampered_kernel_file_is_written_anew(kept):
+    (path,) = kept.glob("*.py")
+    text = path.read_text()
     path.write_text("raise SystemExit('not this')")
-    del sys.modules[module.__name__]
-    assert load("tampered", body).value(3.0) == 6.0
+    assert load("kept", BODY).value(3.0) == 7.0
+    assert path.read_text() == text
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"garbage" * 20, b"\x80\x04K\x03.", None], ids=["empty", "garbage", "3", "half"]
+)
+@pytest.mark.parametrize("spoilt", ["*value*.nbc", "*.nbc", "*.nbi", "*"])
+def test_what_numba_kept_and_cannot_read_is_discarded_and_compiled_anew(kept, spoilt, content):
+    if spoilt == "*.nbc":
+        next((kept / "__pycache__").glob("*value*.nbi")).unlink()  # so that the inner function is asked for
+    files = list((kept / "__pycache__").glob(spoilt))
+    assert files
+    for file in files:
+        file.write_bytes(file.read_bytes()[: file.stat().st_size // 2] if content is None else content)
+    assert load("kept", BODY).value(3.0) == 7.0
+    forget()
+    assert load("kept", BODY).value(3.0) == 7.0
+
+
+def test_an_error_of_the_code_itself_is_no_error_of_the_cache(kept):
+    body = "@compiled\ndef check(x):\n    if x < 0.0:\n        raise ValueError('below zero')\n    return x"
+    check = load("raising", body).check
+    with pytest.raises(ValueError, match="below zero"):
+        check(-1.0)
+    assert check(1.0) == 1.0
+
+
+@contextmanager
+def full_disk():
+    """No file can grow beyond 10 bytes."""
+    import resource  # on POSIX only
+
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="the limit on file sizes exists on POSIX only")
+def test_a_full_disk_costs_only_the_cache(own_cache):
+    forget()
+    with full_disk():
+        assert load("full", BODY).value(3.0) == 7.0
+    assert not [file for file in own_cache.rglob("*") if file.is_file()]
+    forget()
+    load("full", BODY)
+    forget()
+    with full_disk():  # numba has the text, and no room for what it compiles
+        assert load("full", BODY).value(3.0) == 7.0
+
+
+def test_a_folder_that_exists_and_cannot_be_written_costs_only_the_cache(own_cache, monkeypatch):
+    forget()
+    cache_folder()
+
+    def refuse(*_args: object, **_options: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(compiler.tempfile, "mkstemp", refuse)
+    assert load("closed", BODY).value(3.0) == 7.0
+    assert not list(own_cache.iterdir())
+
+
+def test_a_folder_in_place_of_a_kernel_file_costs_only_the_cache(kept):
+    (path,) = kept.glob("*.py")
+    path.unlink()
+    path.mkdir()
+    assert load("kept", BODY).value(3.0) == 7.0
+    assert not list(kept.glob("*.tmp"))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="file modes exist on POSIX only")
+@pytest.mark.parametrize("pattern", ["*.py", "__pycache__/*.nbc", "__pycache__/*.nbi", "__pycache__"])
+def test_a_file_that_others_can_write_is_not_used(kept, pattern):
+    for file in kept.glob(pattern):
+        file.chmod(0o777 if file.is_dir() else 0o666)
+    assert load("kept", BODY).value(3.0) == 7.0
+    if pattern != "__pycache__":  # a folder is left alone, and nothing is read from it
+        assert all(file.stat().st_mode & 0o022 == 0 for file in kept.glob(pattern))
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid") or os.getuid() != 0, reason="only root can give a file away")
+@pytest.mark.parametrize("pattern", ["*.py", "__pycache__/*.nbc"])
+def test_a_file_of_another_user_is_not_used(kept, pattern):
+    for file in kept.glob(pattern):
+        os.chown(file, 12345, 12345)
+    assert load("kept", BODY).value(3.0) == 7.0
+    assert all(file.stat().st_uid == 0 for file in kept.glob(pattern))
 
 
 def test_without_numba_the_same_source_runs_as_plain_python(monkeypatch):

@@ -1,5 +1,6 @@
 """Machine code that is kept: it does what the source says, starts without the compiler, and is made anew if damaged."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -8,10 +9,11 @@ import numpy as np
 import pytest
 
 from sim_backend.errors import ModelError
-from sim_backend.model import machine_code
+from sim_backend.model import compiler, machine_code
 from sim_backend.model.machine_code import bind
 from sim_backend.model.parameters import PlantConfig
 from sim_backend.plant import Plant
+from tests.sim_backend.model.test_compiler import full_disk
 from tests.sim_backend.model.test_parameters import DRIVE
 
 BODY = """
@@ -87,6 +89,64 @@ def test_a_damaged_file_is_made_anew(own_cache, damage):
     machine_code._machine_code.cache_clear()
     assert grown() == first
     assert machine_code._unsealed(file.read_bytes()) is not None
+
+
+def test_a_folder_in_place_of_the_file_costs_only_the_cache(own_cache):
+    first = grown()
+    (file,) = own_cache.iterdir()
+    file.unlink()
+    file.mkdir()
+    machine_code._machine_code.cache_clear()
+    assert grown() == first
+    assert list(own_cache.iterdir()) == [file]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="the limit on file sizes exists on POSIX only")
+def test_a_full_disk_costs_only_the_cache_and_leaves_no_half_file(own_cache):
+    with full_disk():
+        assert any(grown())
+    assert not list(own_cache.iterdir())
+
+
+def test_a_folder_that_exists_and_cannot_be_written_costs_only_the_cache(own_cache, monkeypatch):
+    own_cache.mkdir(parents=True, mode=0o700)
+
+    def refuse(*_args: object, **_options: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(compiler.tempfile, "mkstemp", refuse)
+    assert any(grown())
+    assert not list(own_cache.iterdir())
+
+
+def spoil_mode(file: Path) -> None:
+    file.chmod(0o666)
+
+
+def spoil_link(file: Path) -> None:
+    target = file.with_suffix(".elsewhere")
+    file.rename(target)
+    file.symlink_to(target)
+
+
+def spoil_owner(file: Path) -> None:
+    if not hasattr(os, "getuid") or os.getuid() != 0:
+        pytest.skip("only root can give a file away")
+    os.chown(file, 12345, 12345)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="file modes exist on POSIX only")
+@pytest.mark.parametrize("spoil", [spoil_mode, spoil_link, spoil_owner])
+def test_a_file_that_is_not_the_users_own_is_not_run_but_made_anew(own_cache, spoil):
+    first = grown()
+    (file,) = own_cache.iterdir()
+    spoil(file)
+    spoilt = file.lstat()
+    machine_code._machine_code.cache_clear()
+    assert grown() == first
+    now = file.lstat()
+    assert now.st_ino != spoilt.st_ino
+    assert (now.st_uid, now.st_mode & 0o7777, file.is_symlink()) == (os.getuid(), 0o600, False)
 
 
 def test_the_plant_starts_in_a_new_process_without_the_compiler():

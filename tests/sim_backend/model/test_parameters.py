@@ -6,7 +6,10 @@ import math
 import pytest
 
 from sim_backend.errors import ModelError
+from sim_backend.model import limits
 from sim_backend.model.compliance import flexspline_stiffness, flexspline_torsion, wave_generator_torsion
+from sim_backend.model.constants import derive
+from sim_backend.model.estimation import cubic_from_catalogue, flexspline_from_catalogue, wave_generator_from_tests
 from sim_backend.model.parameters import Cubic, HarmonicDrive, Piecewise, PlantConfig, Rotation
 
 CATALOGUE = {
@@ -87,14 +90,17 @@ def test_a_bench_refuses_every_number_that_is_not_finite(name):
     [
         (
             lambda: dataclasses.replace(DRIVE, ratio=0.5),
-            r"ratio = 0.5 .* at least 1; theta_w = -N theta_F, Zhang \(4\)",
+            r"ratio = 0.5 .* at least 1 and at most 1e\+06; theta_w = -N theta_F, Zhang \(4\)",
         ),
-        (lambda: dataclasses.replace(DRIVE, C_F=0.0), r"C_F = 0.0 1/\(N\*m\) .* above 0 .* Zhang \(24\)"),
+        (lambda: dataclasses.replace(DRIVE, C_F=0.0), r"C_F = 0.0 1/\(N\*m\) .* at least 1e-09 .* Zhang \(24\)"),
         (
             lambda: HarmonicDrive.from_catalogue(**{**CATALOGUE, "K2": 8e3}),
             r"K2 = 8000.0 N\*m/rad .* above 8400 .*\(32\)",
         ),
-        (lambda: Cubic(0.0, 1.0), r"a1 = 0.0 N\*m/rad .* above 0 N\*m/rad; T = a1 f \+ a3 f\^3, Zhang \(10\)"),
+        (
+            lambda: Cubic(0.0, 1.0),
+            r"a1 = 0.0 N\*m/rad .* at least 0.001 and at most 1e\+09 N\*m/rad; T = a1 f \+ a3 f\^3, Zhang \(10\)",
+        ),
         (lambda: Cubic(1.0, -1.0), r"a3 = -1.0 N\*m/rad\^3 .* at least 0 .* Zhang \(10\)"),
         (lambda: Piecewise(1.0, 1.0, math.inf, 1.0, 2.0), r"K3 = inf N\*m/rad .* Zhang \(11\)"),
         (lambda: Piecewise(1.0, 1.0, 1.0, 2.0, 1.0), r"T2 = 1.0 N\*m .* above 2 N\*m; .* Zhang \(11\)"),
@@ -120,7 +126,7 @@ def test_the_other_rotation_sense_is_refused_with_a_way_out():
 
 
 def test_a_step_that_the_stiffest_spring_does_not_allow_is_refused_with_the_body_and_the_limit():
-    with pytest.raises(ModelError, match=r"output inertia of 0.0001 .* at most 1.83e-05 s"):
+    with pytest.raises(ModelError, match=r"output inertia of 0.0001 .* at most 1.826e-05 s"):
         PlantConfig(DRIVE, output_inertia=1e-4)
     with pytest.raises(ModelError, match=r"motor inertia of 8e-07"):
         PlantConfig(DRIVE, rotor_inertia=1e-7, wave_generator_inertia=7e-7, wave_generator_stiffness_cap=1e4)
@@ -129,6 +135,106 @@ def test_a_step_that_the_stiffest_spring_does_not_allow_is_refused_with_the_body
 def test_the_drive_loops_run_on_whole_steps():
     with pytest.raises(ModelError, match=r"loop_period = 0.0001 s must be a whole multiple of step = 1.5e-05"):
         PlantConfig(DRIVE, step=1.5e-5)
+
+
+# ---- every number has a range, and no number inside it breaks a formula
+
+BENCH = PlantConfig(DRIVE)
+CUBIC = Cubic(8e3, 4e8)
+PIECEWISE = Piecewise(8.4e3, 9.4e3, 1.2e4, 3.9, 12.0)
+BOUNDED = {
+    f"{type(of).__name__}.{name}": (of, name, table[name])
+    for of, table in (
+        (DRIVE, limits.DRIVE),
+        (BENCH, limits.BENCH),
+        (CUBIC, limits.CUBIC),
+        (PIECEWISE, limits.PIECEWISE),
+    )
+    for name in table
+}
+
+
+def constants_with(changed) -> tuple[float, ...]:
+    """Give the constants of a bench with this drive, bench, or law of the flexspline."""
+    match changed:
+        case HarmonicDrive():
+            return derive(PlantConfig(changed))
+        case PlantConfig():
+            return derive(changed)
+        case _:
+            return derive(PlantConfig(DRIVE, flexspline=changed))
+
+
+@pytest.mark.parametrize("parameter", BOUNDED)
+def test_a_number_outside_its_range_is_refused_with_value_unit_and_both_ends(parameter):
+    of, name, (unit, low, high, equation) = BOUNDED[parameter]
+    for value in (math.nextafter(low, -math.inf), math.nextafter(high, math.inf), math.nan, math.inf, 1e300, -1e300):
+        with pytest.raises(ModelError) as refused:
+            dataclasses.replace(of, **{name: value})
+        message = str(refused.value)
+        assert message.startswith(f"{name} = {value!r} {unit}".rstrip())
+        assert f"at least {low:g} and at most {high:g}" in message
+        assert equation in message
+
+
+@pytest.mark.parametrize("parameter", BOUNDED)
+def test_at_the_ends_of_a_range_every_constant_of_the_plant_is_a_number_or_the_bench_is_refused_in_words(parameter):
+    of, name, (_, low, high, _) = BOUNDED[parameter]
+    for value in (low, high):
+        try:
+            constants = constants_with(dataclasses.replace(of, **{name: value}))
+        except ModelError:
+            continue
+        assert not any(math.isnan(constant) for constant in constants)
+
+
+@pytest.mark.parametrize("value", ["1", None, True, 1j, [1.0]])
+@pytest.mark.parametrize("parameter", BOUNDED)
+def test_what_is_no_number_is_refused_by_name(parameter, value):
+    of, name, _ = BOUNDED[parameter]
+    if name == "winding_resistance" and value is None:
+        return  # None asks for the rated one
+    with pytest.raises(ModelError, match=rf"^{name} = .* is no number"):
+        dataclasses.replace(of, **{name: value})
+
+
+@pytest.mark.parametrize("value", [1e-200, 1e300, "1", None])
+@pytest.mark.parametrize("name", limits.CATALOGUE)
+def test_a_catalogue_of_absurd_values_is_refused_by_name(name, value):
+    with pytest.raises(ModelError, match=rf"^{name} = "):
+        HarmonicDrive.from_catalogue(**{**CATALOGUE, name: value})
+    stiffnesses = {key: CATALOGUE[key] for key in ("K1", "K2", "T1", "T2")}
+    tests = {key: CATALOGUE[key] for key in ("ratio", "hysteresis_loss", "starting_torque")}
+    for estimate, values in (
+        (flexspline_from_catalogue, stiffnesses),
+        (cubic_from_catalogue, stiffnesses),
+        (wave_generator_from_tests, tests),
+    ):
+        if name in values:
+            with pytest.raises(ModelError, match=rf"^{name} = "):
+                estimate(**{**values, name: value})
+
+
+@pytest.mark.parametrize(("name", "value"), [("flexspline", 1.0), ("drive", None), ("rotation", None)])
+def test_a_part_of_another_kind_is_refused(name, value):
+    with pytest.raises(ModelError, match=rf"{name} = "):
+        dataclasses.replace(BENCH, **{name: value})
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "rotor_viscous_friction",
+        "wave_generator_damping",
+        "output_viscous_friction",
+        "flexspline_damping",
+        "fixture_damping",
+    ],
+)
+def test_a_damper_too_strong_for_the_step_is_refused_with_the_body_the_damping_and_the_longest_step(name):
+    body = "motor" if name in ("rotor_viscous_friction", "wave_generator_damping") else "output"
+    with pytest.raises(ModelError, match=rf"{body} inertia .* dampers \(.*{name} = 60.* at most .* less damping"):
+        PlantConfig(DRIVE, **{name: 60.0})
 
 
 def test_the_rotation_may_be_given_by_its_name():

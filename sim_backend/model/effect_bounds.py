@@ -1,0 +1,134 @@
+"""What a plant's effects may be on this plant: narrower than their own ranges, which hold for every drive.
+
+An effect may assume no other ratio or torque constant than the bench has; together they must leave the flexspline a
+compliance; and the motor's drive, which regulates what it reads, must be able to reach the torque that it reads.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import astuple
+
+import numpy as np
+
+from sim_backend.errors import ModelError
+from sim_backend.model.compliance import LAWS
+from sim_backend.model.effects import ActiveEffect
+from sim_backend.model.parameters import PlantConfig
+
+STIFFNESS_APART = 2.0
+"""Factor by which the stiffness that an effect is given may differ from that of the drive's flexspline at rest."""
+
+MOST_CONSTANT_ERROR = 0.5
+"""Largest sum of errors of the torque constant. The drive reads with the torque of the tick before, so that its torque
+settles by this factor in every tick, and not at all from 1 on."""
+
+MOST_SATURATION = 1.0 / 3.0
+"""Largest amplitude * motor_current^2: where k_t i (1 - amplitude i^2) has its largest torque."""
+
+
+def check_effects(effects: Sequence[ActiveEffect], config: PlantConfig) -> None:
+    """Raise ModelError if the plant of `config` cannot have these effects."""
+    _check_known(effects, config)
+    _check_compliance(effects, config)
+    _check_torque_constant(effects, config)
+
+
+def _check_known(effects: Sequence[ActiveEffect], config: PlantConfig) -> None:
+    """Raise ModelError if an effect was given another ratio, torque constant or stiffness than the bench has.
+
+    The stiffness may differ by a factor of STIFFNESS_APART: what is fitted often is not what a catalogue says.
+    """
+    own = {"ratio": config.drive.ratio, "torque_constant": config.torque_constant}
+    at_rest = config.stiffness_at_rest
+    for active in effects:
+        for parameter, value in zip(active.effect.parameters, active.values, strict=True):
+            name = parameter.name
+            if parameter.known and name == "stiffness" and abs(math.log(value / at_rest)) > math.log(STIFFNESS_APART):
+                raise ModelError(
+                    f"{active.effect.id}: stiffness = {value!r} {parameter.unit} contradicts the drive, which has "
+                    f"{at_rest:.6g} {parameter.unit} at rest: between {at_rest / STIFFNESS_APART:.6g} and "
+                    f"{at_rest * STIFFNESS_APART:.6g} {parameter.unit}; {active.effect.equation} needs it."
+                )
+            if parameter.known and name in own and not math.isclose(value, own[name], rel_tol=1e-9):
+                unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+                raise ModelError(
+                    f"{active.effect.id}: {name} = {value!r}{unit} contradicts the bench, which has "
+                    f"{own[name]!r}{unit}; {active.effect.equation} needs the same."
+                )
+
+
+def _check_compliance(effects: Sequence[ActiveEffect], config: PlantConfig) -> None:
+    """Raise ModelError unless warming and modulation leave a compliance above that of the stiffness cap.
+
+    With less the flexspline would be stiffer than the step was checked for; with none it would push where it is pulled.
+    It is stiffest at the largest torque, taken to be that of the motor's rated torque. A jolt goes beyond it; what the
+    plant cannot compute then, it says.
+    """
+    torque = config.drive.ratio * config.motor_rated_torque
+    stiffness = _stiffness(config, torque)
+    least = stiffness / config.flexspline_stiffness_cap
+    warming = list(_of(effects, "temperature-dependent-stiffness"))
+    left = {
+        temperature: 1.0 + sum(values["amplitude"] * (temperature - values["reference"]) for _, values in warming)
+        for temperature in (config.temperature, config.ambient_temperature)
+    }
+    temperature, compliance = min(left.items(), key=lambda item: item[1])
+    if warming and compliance <= least:
+        active, values = min(warming, key=lambda item: item[1]["amplitude"] * (temperature - item[1]["reference"]))
+        raise ModelError(
+            f"{active.effect.id}: amplitude = {values['amplitude']!r} 1/K with reference = {values['reference']:g} "
+            f"degC leaves {compliance:.4g} of the flexspline's compliance at {temperature:g} degC; it must be above "
+            f"{least:.4g}, the stiffness of {stiffness:.4g} N*m/rad at {torque:.4g} N*m over flexspline_stiffness_cap; "
+            f"{active.effect.equation} needs it."
+        )
+    most = compliance / stiffness - 1.0 / config.flexspline_stiffness_cap
+    total = 0.0
+    for active, values in _of(effects, "stiffness-modulation"):
+        total += values["amplitude"]
+        if total > max(most, 0.0):
+            raise ModelError(
+                f"{active.effect.id}: amplitude = {values['amplitude']!r} rad/(N*m) is not possible: all such "
+                f"amplitudes together must be at most {most:.4g} rad/(N*m) here (1/K_F = {1.0 / stiffness:.4g} "
+                f"rad/(N*m) at {torque:.4g} N*m, less what warming and flexspline_stiffness_cap take), or the "
+                f"flexspline would push where it is pulled; {active.effect.equation} needs it."
+            )
+
+
+def _check_torque_constant(effects: Sequence[ActiveEffect], config: PlantConfig) -> None:
+    """Raise ModelError where the current that the drive believes in gives no torque that it can regulate."""
+    total = 0.0
+    for active, values in _of(effects, "torque-constant-error"):
+        total += values["amplitude"]
+        if abs(total) > MOST_CONSTANT_ERROR:
+            raise ModelError(
+                f"{active.effect.id}: amplitude = {values['amplitude']!r} is not possible in the plant: all such "
+                f"amplitudes together must be within {-MOST_CONSTANT_ERROR:g} to {MOST_CONSTANT_ERROR:g} (usual are "
+                f"0.01 to 0.1), or the drive that regulates what it reads does not settle; {active.effect.equation} "
+                f"needs it."
+            )
+    current = config.motor_rated_torque / config.torque_constant
+    most = MOST_SATURATION / current**2
+    total = 0.0
+    for active, values in _of(effects, "torque-constant-saturation"):
+        total += values["amplitude"]
+        if total > most:
+            raise ModelError(
+                f"{active.effect.id}: amplitude = {values['amplitude']!r} 1/A^2 is not possible in the plant: it must "
+                f"be at most 1/(3 i^2) = {most:.4g} 1/A^2 at the rated current i = {current:.4g} A, or the torque "
+                f"falls with the current; {active.effect.equation} needs it."
+            )
+
+
+def _stiffness(config: PlantConfig, torque: float) -> float:
+    """Give the largest stiffness (N*m/rad) that the flexspline has up to a torque (N*m), below its cap."""
+    drive = config.drive
+    parameters = (drive.K_F0, drive.C_F) if config.flexspline is None else astuple(config.flexspline)
+    local = LAWS[config.law].stiffness(np.linspace(0.0, torque, 65), *parameters)
+    return min(float(np.max(local)), config.flexspline_stiffness_cap)
+
+
+def _of(effects: Sequence[ActiveEffect], effect: str) -> Iterator[tuple[ActiveEffect, dict[str, float]]]:
+    """Give the active effects of this id, with their values by name."""
+    for active in effects:
+        if active.effect.id == effect:
+            yield active, {p.name: value for p, value in zip(active.effect.parameters, active.values, strict=True)}

@@ -1,0 +1,131 @@
+"""Effects inside their own ranges that this plant cannot have: refused before anything moves, with the bound."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from sim_backend.errors import ModelError
+from sim_backend.model.effects import CATALOGUE, ActiveEffect
+from sim_backend.model.parameters import Cubic, Piecewise
+from sim_backend.plant import Plant
+from sim_backend.ports import AxisMode
+from tests.sim_backend.test_plant import CONFIG, DRIVE, SILENT
+
+
+def active(effect: str, **values: float) -> ActiveEffect:
+    entry = CATALOGUE[effect]
+    return ActiveEffect(entry, tuple(values.get(p.name, p.typical) for p in entry.parameters))
+
+
+def swept(plant: Plant) -> None:
+    """Sweep the locked drive to the motor's rated torque in both directions, let it go and turn it."""
+    plant.set_lock(True)
+    for k in range(500):
+        share = float(np.interp(k, [0, 100, 300, 400], [0.0, 1.0, -1.0, 0.0]))
+        plant.command("motor", AxisMode.TORQUE, share * plant.config.motor_rated_torque)
+        plant.advance_to(1e-3 * (k + 1))
+    plant.set_lock(False)
+    plant.command("motor", AxisMode.VELOCITY, 20.0)
+    plant.advance_to(0.6)
+
+
+def balance(plant: Plant) -> float:
+    now = plant.truth()
+    return (now.work - now.heat - now.effect_work - now.stored) / now.work
+
+
+# ---- what is left of the flexspline's compliance
+
+
+RATED = 100.0 * CONFIG.motor_rated_torque
+"""N*m at the output, where the arctan law is 1 + (C_F T)^2 times as stiff as at rest."""
+STIFFEST = DRIVE.K_F0 * (1.0 + (DRIVE.C_F * RATED) ** 2)
+MOST_MODULATION = 1.0 / STIFFEST - 1.0 / CONFIG.flexspline_stiffness_cap
+
+
+def test_a_modulation_that_would_turn_the_flexspline_round_is_refused_with_the_bound_of_this_drive():
+    with pytest.raises(
+        ModelError,
+        match=rf"stiffness-modulation: amplitude = 0.0002 rad/\(N\*m\) .* at most {MOST_MODULATION:.4g} .* "
+        rf"\(1/K_F = {1.0 / STIFFEST:.4g} .* at 18.8 N\*m, .*; torsion \+= amplitude \* output_torque \* sin",
+    ):
+        Plant(CONFIG, [active("stiffness-modulation", amplitude=2e-4)])
+    # two of them add up
+    half = active("stiffness-modulation", amplitude=0.6 * MOST_MODULATION)
+    Plant(CONFIG, [half])
+    with pytest.raises(ModelError, match="all such amplitudes together"):
+        Plant(CONFIG, [half, half])
+
+
+@pytest.mark.parametrize("law", [Cubic(2e4, 0.0), Piecewise(8.4e3, 2e4, 9.4e3, 3.9, 12.0)], ids=["cubic", "piecewise"])
+def test_the_bound_is_that_of_the_law_that_the_flexspline_has(law):
+    with pytest.raises(ModelError, match=r"must be at most 4e-05 rad/\(N\*m\)"):
+        Plant(dataclasses.replace(CONFIG, flexspline=law), [active("stiffness-modulation", amplitude=5e-5)])
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "reference", "at"),
+    [(-0.1, 14.0, 25.0), (-0.0034, -273.15, 25.0), (0.0011, 1000.0, 25.0), (-0.05, 25.0, 50.0)],
+)
+def test_a_temperature_at_which_no_compliance_would_be_left_is_refused(amplitude, reference, at):
+    warm = dataclasses.replace(CONFIG, temperature=at)
+    with pytest.raises(
+        ModelError,
+        match=rf"temperature-dependent-stiffness: amplitude = {amplitude!r} 1/K with reference = {reference:g} degC "
+        rf"leaves .* at {at:g} degC; it must be above {STIFFEST / 1e5:.4g}, the stiffness of",
+    ):
+        Plant(warm, [active("temperature-dependent-stiffness", amplitude=amplitude, reference=reference)])
+
+
+def test_just_inside_these_bounds_the_plant_is_sound_at_the_rated_torque():
+    least = 1.001 * STIFFEST / CONFIG.flexspline_stiffness_cap
+    for effects in (
+        *([active("stiffness-modulation", amplitude=0.999 * MOST_MODULATION, phase=p)] for p in (0.0, 1.6, 3.1, 4.7)),
+        [active("temperature-dependent-stiffness", amplitude=-0.1 * (1.0 - least), reference=15.0)],
+    ):
+        plant = Plant(CONFIG, effects)
+        swept(plant)
+        assert all(map(math.isfinite, plant.truth()))
+        assert abs(balance(plant)) < 1e-4
+
+
+# ---- what the motor's drive can regulate
+
+
+@pytest.mark.parametrize("amplitude", [-0.5, -0.1, 0.1, 0.5])
+def test_a_wrong_torque_constant_gives_the_shaft_what_was_asked_for_over_1_plus_a(amplitude):
+    plant = Plant(SILENT, [active("torque-constant-error", amplitude=amplitude)])
+    plant.set_lock(True)
+    plant.command("motor", AxisMode.TORQUE, 0.1)
+    plant.advance_to(0.02)
+    assert plant.truth().motor_torque == pytest.approx(0.1 / (1.0 + amplitude), rel=1e-12)
+    assert plant.read().motor_torque == pytest.approx(0.1, rel=1e-12)
+
+
+@pytest.mark.parametrize("amplitude", [-1.0, -0.51, 0.51, 10.0])
+def test_a_torque_constant_with_which_the_drive_does_not_settle_is_refused(amplitude):
+    with pytest.raises(
+        ModelError, match=rf"torque-constant-error: amplitude = {amplitude!r} .* within -0.5 to 0.5 .* reads amplitude"
+    ):
+        Plant(CONFIG, [active("torque-constant-error", amplitude=amplitude)])
+
+
+def test_a_saturation_beyond_which_the_torque_falls_with_the_current_is_refused_at_the_rated_current():
+    current = CONFIG.motor_rated_torque / CONFIG.torque_constant
+    most = 1.0 / (3.0 * current**2)
+    plant = Plant(CONFIG, [active("torque-constant-saturation", amplitude=0.999 * most)])
+    plant.command("motor", AxisMode.TORQUE, CONFIG.motor_rated_torque)
+    plant.set_lock(True)
+    plant.advance_to(0.05)
+    plant.command("motor", AxisMode.OFF, 0.0)
+    plant.advance_to(0.1)
+    assert all(map(math.isfinite, plant.truth()))
+    assert plant.truth().motor_torque == pytest.approx(0.0, abs=1e-12)
+    with pytest.raises(
+        ModelError,
+        match=r"torque-constant-saturation: amplitude = 1.2 1/A\^2 .* 1/\(3 i\^2\) = 0.9718 1/A\^2 at the rated "
+        r"current i = 0.5857 A",
+    ):
+        Plant(CONFIG, [active("torque-constant-saturation", amplitude=1.2)])
