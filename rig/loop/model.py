@@ -7,8 +7,8 @@
     backdrive      M = play((T - c_T)/N; T_fb/N) + c_M + M_0
     free run       M = (T - c_T)/N + sgn(w) T_c + b w + c_M + M_0 + J_r a + K_r p  (a, p: acceleration and position of
                    the rotor's ripple; K_r: the springs behind it)
-    locked output  T = play(N (M - c_M - J_r a) + K e; N T_fs) - K e + c_T + T_0  (a: acceleration of the rotor on its
-                   springs; K: stiffness of the flexspline, by which an e counts as long as the mesh sticks)
+    locked output  T = play(N (M - c_M - J_r a); N T_fs) + c_T + T_0  (a: acceleration of the rotor on its springs);
+                   with an e behind the mesh the play is that of the angle f(T) + e, which stays while the rim sticks
     held still     M = M_0 + c_M
     motion at the output without motor torque  T = sgn(w) T_co + b_o w + J_o a + c_T + T_0  (a: acceleration)
 
@@ -30,12 +30,13 @@ from rig.log.run import ProcedureName
 from rig.loop.equations import Equation, Law, Piece
 from rig.loop.evaluation import FLEXSPLINE_TORQUE, Added, Evaluation, Route, through
 from rig.loop.parameters import ParameterTable
-from rig.loop.play import play_path
+from rig.loop.play import PlayPath, play_path
 from rig.loop.shapes import ShapeTerm
 from rig.loop.terms import Entry, Line, line_values
 from rig.loop.tracks import Track
 from sim_backend.model.compliance import (
     flexspline_stiffness,
+    flexspline_torque,
     flexspline_torsion,
     wave_generator_stiffness,
     wave_generator_torsion,
@@ -57,6 +58,9 @@ LEAST_LEVEL, MOST_LEVEL = 1e-3, 1e6
 
 LEVEL_PASSES, SETTLED = 40, 1e-6
 """Rounds at most in which a friction takes up the torque that grows with it, and the relative change that ends them."""
+
+LARGEST_TORSION = 1.5
+"""K_F0 C_F f(T) up to which (24) is inverted; it ends at pi/2."""
 
 READING_PASSES = 3
 """Rounds in which a current takes up the reading that it makes."""
@@ -285,16 +289,15 @@ def _locked(track: Track, model: Model) -> Evaluation:
     drive = np.zeros(track.size * track.fine) if track.play_drive is None else track.play_drive
     path = play_path(N * drive, N * model.value("T_fs"), track.fine)
     signals = _signals(track, model, positions, path.output, track.M)
-    held, most = np.zeros(track.size), N * np.abs(drive).max(initial=0.0)
+    stand_in = path.output
     for _ in range(LEVEL_PASSES if model.lines or model.shapes else 0):
         against = np.repeat(added.motor(signals), track.fine)
         radius = N * _radius(model.value("T_fs"), added.friction(signals), track.fine)
-        held = np.clip(_held_by_mesh(added.behind_mesh(signals), path.output, model), -most, most)
-        path = play_path(N * (drive - against) + np.repeat(held, track.fine), radius, track.fine)
-        before, signals = signals["output_torque"], _loaded(signals, path.output - held)
-        if np.abs(signals["output_torque"] - before).max(initial=0.0) <= SETTLED * np.abs(before).max(initial=0.0):
+        path, through_mesh = _held_by_mesh(N * (drive - against), radius, added.behind_mesh(signals), track, model)
+        change, stand_in = np.abs(through_mesh - stand_in).max(initial=0.0), through_mesh
+        signals = _loaded(signals, stand_in)
+        if change <= SETTLED * np.abs(stand_in).max(initial=0.0):
             break
-    stand_in = path.output - held
     ones = np.ones(track.size)
     slipped, last = path.slip >= 0, np.maximum(path.slip, 0)
     carried = Route(np.where(slipped, -N, 0.0), last)
@@ -321,12 +324,22 @@ def _motor_reading(track: Track, added: Added, signals: dict[str, Floats], torqu
     return reading
 
 
-def _held_by_mesh(angle: Floats, torque: Floats, model: Model) -> Floats:
-    """Give the torque (N*m, (n,)) that an addition to the torsion makes behind a mesh that sticks, output locked.
+def _held_by_mesh(
+    inputs: Floats, radius: Floats | float, error: Floats, track: Track, model: Model
+) -> tuple[PlayPath, Floats]:
+    """Follow the rim of a locked drive under N * motor torque; give its path, and the output torque (N*m, (n,)).
 
-    T + K e stays while the rim holds: the play acts on that sum.
+    As long as the rim sticks, f(T) + e stays: the play acts on that angle, between what the friction allows. `error`: e
+    behind the mesh, rad, (n,).
     """
-    return angle * flexspline_stiffness(torque, model.value("K_F0"), model.value("C_F"))
+    if not np.any(error):
+        path = play_path(inputs, radius, track.fine)
+        return path, path.output
+    K_F0, C_F = model.value("K_F0"), model.value("C_F")
+    lowest, highest = (flexspline_torsion(inputs + sign * radius, K_F0, C_F) for sign in (-1.0, 1.0))
+    path = play_path(0.5 * (lowest + highest) + np.repeat(error, track.fine), 0.5 * (highest - lowest), track.fine)
+    most = LARGEST_TORSION / (K_F0 * C_F)
+    return path, flexspline_torque(np.clip(path.output - error, -most, most), K_F0, C_F)
 
 
 def _radius(level: float, added: Floats | None, fine: int) -> Floats | float:

@@ -8,14 +8,13 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.signal import savgol_filter
 
 Floats = NDArray[np.float64]
 
-TOLERANCE, TOLERANCE_COLOURED = 2.5, 4.0
-"""Standard deviations of a sample by which a polyline may miss the smoothed torque before it gets a further knot; of a
-noise that remembers more, because smoothing leaves most of it."""
+TOLERANCE = 4.0
+"""Standard deviations of a sample by which a polyline may miss the smoothed torque before it gets a further knot."""
 
 MOST_KNOTS, MOST_POINTS = 200, 3000
 """Knots of a polyline, and means of neighbouring samples that place them."""
@@ -37,8 +36,8 @@ SCATTERS, AGREE = 3.0, 4.0
 
 PASSES = 5
 RIDGE = 1e-10
-NOISE_SPAN = 1.0
-"""s on either side over which the noise is measured."""
+NOISE_BLOCK, NOISE_BLOCKS = 0.25, 9
+"""s of a block over which the noise is measured, and the blocks of which the median counts."""
 
 LAGS = (1, 2, 4, 8, 16, 32)
 """Samples between the three of a second difference: how it grows with them tells how long the noise remembers."""
@@ -71,7 +70,7 @@ def polyline(values: Floats, smoothed: Floats, side: int, period: float) -> Floa
     for _ in range(ROUNDS):
         # what corners add to second differences is gone once a first polyline has been taken off
         noise, memory = _noise(rest, period)
-        knots = _knots_of(smoothed, noise, memory)
+        knots = _knots(smoothed, TOLERANCE * np.sqrt(np.maximum(noise, 1e-300)))
         if not noise.all() or len(knots) > min(n * period / SHORTEST + 2, MOST_KNOTS):
             return None
         line = _placed(values, np.array(knots, dtype=float))
@@ -115,16 +114,18 @@ def _noise(values: Floats, period: float) -> tuple[Floats, float]:
     return noise_variance(values, period) / _second_difference(memory, 1), memory
 
 
-def _knots_of(smoothed: Floats, noise: Floats, memory: float) -> list[int]:
-    return _knots(smoothed, (TOLERANCE_COLOURED if memory else TOLERANCE) * np.sqrt(np.maximum(noise, 1e-300)))
-
-
 def noise_variance(values: Floats, period: float) -> Floats:
-    """Give the variance of white noise around every sample, shape (n,), from second differences: a slope has none."""
+    """Give the variance of white noise around every sample, shape (n,), from second differences: a slope has none.
+
+    Of short blocks in a row the median counts, so that a corner, which lies in one of them, does not.
+    """
     bend = values[2:] - 2.0 * values[1:-1] + values[:-2]
-    padded = np.concatenate([bend[:1], bend, bend[-1:]])
-    # a running sum leaves a rounding error where there is no noise at all
-    return np.maximum(uniform_filter1d(padded**2 / 6.0, 2 * round(NOISE_SPAN / period) + 1), 0.0)
+    squares = np.concatenate([bend[:1], bend, bend[-1:]]) ** 2 / 6.0
+    block = max(round(NOISE_BLOCK / period), 1)
+    starts = np.arange(0, max(squares.size - block, 0) + 1, block)
+    means = np.add.reduceat(squares, starts) / np.diff(np.append(starts, squares.size))
+    level = median_filter(means, size=NOISE_BLOCKS, mode="nearest")
+    return np.asarray(np.interp(np.arange(squares.size), starts + 0.5 * block, level))
 
 
 def _memory(values: Floats, period: float) -> float:
