@@ -23,6 +23,7 @@ from rig.loop.equations import Equation, pieces_of
 from rig.loop.model import predict
 from rig.loop.model_file import BASE_MODELS, Model, ModelBase, ModelEstimate, load_model, write_model
 from rig.loop.parameters import parameter_table
+from rig.loop.predict import predict_run
 from rig.loop.result import LoopResult, Verdict
 from rig.loop.trace import start_model, trace
 from rig.loop.tracks import make_track
@@ -115,8 +116,32 @@ def rig(*arguments: object) -> Result:
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
+def test_a_fitted_law_runs_on_the_simulated_bench_and_predicts_what_it_did(tmp_path):
+    model = traced(PIECEWISE, Compliance.PIECEWISE).model
+    path = tmp_path / "model.json"
+    write_model(model, path)
+    assert load_model(path) == model
+    twin = simulate(load_bench("sim")[0], model.dut, load_model(path), seed=1)
+    assert astuple(twin.plant.config.flexspline) == fitted(model)
+    assert not any("K_F0" in line or "C_F" in line for line in twin.assumed)
+
+    settings = [f"--set=locked-output.{name}={value}" for name, value in (SWEEPS | {"start_angles": "1"}).items()]
+    answer = rig("run", "locked-output", "--model", path, *settings, "--seed", 3, "-o", tmp_path / "twin")
+    assert answer.exit_code == 0, answer.output
+    (run,) = load_runs([tmp_path / "twin"])
+    on_twin, on_plant = torsion_left(run, model), torsion_left(swept(PIECEWISE)[0], model)
+    assert on_twin == pytest.approx(on_plant, rel=0.1)
+    arctan = model.model_copy(update={"base": model.base.model_copy(update={"model": "zhang-2014"})})
+    assert torsion_left(run, arctan) > 3.0 * on_twin  # the arctan of the catalogue in place of the fitted lines
+
+
 def fitted(model: Model) -> tuple[float, ...]:
     return tuple(model.base.parameters[name].value for name in LAWS[model.base.law].parameters)
+
+
+def torsion_left(run: Run, model: Model) -> float:
+    torsion = next(item for item in predict_run(run, model) if item.equation == "torsion")
+    return float(np.sqrt(np.mean(torsion.residual[~torsion.settling] ** 2)))
 
 
 def model_file(base: str, **values: float) -> Model:
@@ -128,6 +153,13 @@ def model_file(base: str, **values: float) -> Model:
         base=ModelBase(model=base, ratio=100.0, parameters=parameters),
         software="0",
     )
+
+
+def test_what_a_model_file_lacks_of_its_law_comes_from_the_catalogue():
+    plant = simulate(load_bench("sim")[0], dut(DUT_TEXT), model_file("zhang-2014-piecewise", K2=9.9e3), seed=1).plant
+    assert plant.config.flexspline == Piecewise(8.4e3, 9.9e3, 1.2e4, 3.9, 12.0)
+    plant = simulate(load_bench("sim")[0], dut(DUT_TEXT), model_file("zhang-2014", K_F0=8e3), seed=1).plant
+    assert (plant.config.flexspline, plant.config.drive.K_F0) == (None, 8e3)
 
 
 def test_the_law_is_the_bases_unless_another_one_is_asked_for():
