@@ -25,6 +25,7 @@ from rig.loop.model_file import BASE_MODELS, Model, ModelBase, ModelEstimate, lo
 from rig.loop.parameters import parameter_table
 from rig.loop.predict import predict_run
 from rig.loop.result import LoopResult, Verdict
+from rig.loop.table import text_of
 from rig.loop.trace import start_model, trace
 from rig.loop.tracks import make_track
 from rig.operator import SimulatedOperator
@@ -94,6 +95,13 @@ def test_another_law_than_the_plants_leaves_more():
     assert arctan.rms_before > 1.4 * piecewise.rms_before, said
     assert arctan.rms_after > 1.1 * piecewise.rms_after, said  # whatever is added to make up for it
     assert arctan.rms_before > arctan.floor_ci95[1], said
+
+
+def test_the_table_gives_the_parameters_of_the_law_with_units():
+    line = next(x for x in text_of(traced(CUBIC, Compliance.CUBIC)).splitlines() if x.startswith("= "))
+    assert line.startswith("= flexspline cubic: a1 87")
+    assert "N*m/rad, a3 4.4" in line
+    assert line.endswith("N*m/rad^3")
 
 
 @pytest.mark.parametrize(
