@@ -201,6 +201,12 @@ def loop(
     base: Annotated[
         Path | None, typer.Option(parser=_path, metavar="FILE", help="Model to start from (model.json).")
     ] = None,
+    compliance: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LAW", help="Flexspline: arctan, cubic or piecewise; default: that of --base, without one arctan."
+        ),
+    ] = None,
     held_out: Annotated[list[str] | None, typer.Option("--held-out", metavar="GLOB", help="Runs to hold out.")] = None,
     alpha: Annotated[float, typer.Option(min=1e-6, max=0.5, help="False-alarm probability.")] = 0.01,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the split and of the resampling.")] = 0,
@@ -210,7 +216,7 @@ def loop(
     """Fit the model, find the residual, trace it to what the model lacks, report the error before and after."""
     from rig.commands.loop import LoopCommand, loop_command
 
-    loop_command(tuple(logs), LoopCommand(dut, base, tuple(held_out or ()), alpha, seed, out, as_json))
+    loop_command(tuple(logs), LoopCommand(dut, base, compliance, tuple(held_out or ()), alpha, seed, out, as_json))
 
 
 @app.command()

@@ -2,8 +2,9 @@
 
 import math
 import secrets
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from types import MappingProxyType
 from typing import Any
 
 from drivers.clock import VirtualClock
@@ -14,13 +15,15 @@ from rig.config.catalogue import beyond_limits
 from rig.config.dut import Dut, Rotation, default_dut
 from rig.loop.frames import turned, turned_shape
 from rig.loop.model_file import Model, ModelEffect
+from rig.loop.parameters import flexspline_entries
 from rig.loop.shapes import ShapeTerm, named_effect
 from rig.loop.terms import Entry, Line, TermClass, is_line, periodic_effects
 from rig.operator import Answered
 from sim_backend.errors import ModelError, NotFiniteError, ParameterError
+from sim_backend.model.compliance import LAWS, Compliance
 from sim_backend.model.effects import CATALOGUE, ActiveEffect, Effect
 from sim_backend.model.estimation import LOSS, PIECEWISE, flexspline_from_catalogue
-from sim_backend.model.parameters import HarmonicDrive, PlantConfig
+from sim_backend.model.parameters import Cubic, HarmonicDrive, Piecewise, PlantConfig
 from sim_backend.nodes.bench import LOAD_DRIVE, MOTOR_DRIVE, OUTPUT_ENCODER, TORQUE_TRANSDUCER
 from sim_backend.nodes.communication import CanopenNode
 from sim_backend.nodes.drive402 import drive_node
@@ -44,6 +47,11 @@ LOAD_MOTOR_INERTIA = 5e-3
 
 SUBDIVISION = "encoder-subdivision-error"
 """Effect whose order is the line count of the output encoder, or twice it."""
+
+PLANT_LAWS: Mapping[Compliance, type[Cubic] | type[Piecewise]] = MappingProxyType(
+    {Compliance.CUBIC: Cubic, Compliance.PIECEWISE: Piecewise}
+)
+"""Laws that the plant takes in place of the drive's own."""
 
 VISCOUS_SHARE = 0.01
 """Assumed viscous friction at the motor, N*m*s/rad per N*m of starting torque: 1.2e-4 N*m*s for 12 mN*m."""
@@ -157,6 +165,7 @@ def _plant_config(bench: BenchFile, dut: Dut, model: Model | None, assumed: list
     drive = _drive_from_dut(dut, assumed) if model is None else drive_of_model(model, assumed)
     config = PlantConfig(
         drive=drive,
+        flexspline=None if model is None else flexspline_of_model(model),
         torque_constant=_torque_constant(dut),
         motor_rated_torque=_motor_rated_torque(dut),
         load_rated_torque=_load_rated_torque(dut),
@@ -232,7 +241,10 @@ def _drive_from_dut(dut: Dut, assumed: list[str]) -> HarmonicDrive:
 
 
 def drive_of_model(model: Model, assumed: list[str]) -> HarmonicDrive:
-    """Give the drive that a fitted model describes; what it does not hold comes from its dut."""
+    """Give the drive that a fitted model describes; what it does not hold comes from its dut.
+
+    The flexspline of this drive follows (24); see `flexspline_of_model` for another law.
+    """
     fallback = _drive_from_dut(model.dut, [])
     fitted = {name: estimate.value for name, estimate in model.base.parameters.items()}
     ratio = model.base.ratio or fallback.ratio
@@ -244,10 +256,21 @@ def drive_of_model(model: Model, assumed: list[str]) -> HarmonicDrive:
         "C_w": fitted.get("C_w", fallback.C_w),
         "viscous_friction": max(0.0, fitted.get("b", fallback.viscous_friction)),
     }
-    missing = [name for name in ("K_F0", "C_F", "K_w0", "C_w", "T_fs", "b") if name not in fitted]
+    needed = (*LAWS[model.base.law].parameters, "K_w0", "C_w", "T_fs", "b")
+    missing = [name for name in needed if name not in fitted]
     if missing:
         assumed.append(f"{', '.join(missing)} from the dut's catalogue values (not in the model)")
     return HarmonicDrive(ratio=ratio, friction_torque=friction, **values)
+
+
+def flexspline_of_model(model: Model) -> Cubic | Piecewise | None:
+    """Give the flexspline's law of a fitted model where it is not (24), with what the model lacks from its dut."""
+    law = PLANT_LAWS.get(model.base.law)
+    if law is None:
+        return None
+    entries = flexspline_entries(model.dut.gear, model.base.law)
+    fitted = {name: estimate.value for name, estimate in model.base.parameters.items()}
+    return law(**{entry.name: fitted.get(entry.name, entry.centre) for entry in entries})
 
 
 def effects_of_model(model: Model, assumed: list[str]) -> tuple[ActiveEffect, ...]:

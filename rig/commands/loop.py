@@ -21,6 +21,7 @@ from rig.loop.result import LoopResult
 from rig.loop.table import headline, statements, table_of, text_of
 from rig.loop.trace import trace
 from rig.terminal import emit, tell
+from sim_backend.model.compliance import Compliance
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +30,7 @@ class LoopCommand:
 
     dut: Path | None
     base: Path | None
+    compliance: str | None
     held_out: tuple[str, ...]
     alpha: float
     seed: int
@@ -48,17 +50,24 @@ class LoopFiles:
 
 def loop_command(paths: tuple[Path, ...], options: LoopCommand) -> None:
     """Trace, write the result, print the table."""
+    law = _law(options.compliance)
     writable_folder(options.out)
     runs = load_runs(paths)
     base = load_model(options.base) if options.base is not None else None
     dut = load_dut(options.dut)[0] if options.dut is not None else base.dut if base is not None else dut_of(runs)
-    result = trace(runs, dut, LoopOptions(options.held_out, options.alpha, options.seed, base), on_stage=tell)
+    result = trace(runs, dut, LoopOptions(options.held_out, options.alpha, options.seed, base, law), on_stage=tell)
     files = write_loop(result, options.out)
     if options.as_json:
         emit(result.to_json())
         return
     print_result(result)
     print_files(files)
+
+
+def _law(name: str | None) -> Compliance | None:
+    if name is not None and name not in list(Compliance):
+        raise ConfigError("--compliance", [Mistake("--compliance", name, f"expected one of {', '.join(Compliance)}")])
+    return None if name is None else Compliance(name)
 
 
 def predict_command(model_file: Path, paths: tuple[Path, ...], out: Path, as_json: bool) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from drivers.errors import DataError
 from rig.log.run import Run
 from rig.loop.model_file import Model
+from sim_backend.model.compliance import Compliance
 
 HELD_OUT_SHARE = 0.25
 """Share of each procedure's groups that is held out when nothing is said; at least one where there are two."""
@@ -20,12 +21,21 @@ HELD_OUT_SHARE = 0.25
 
 @dataclass(frozen=True, slots=True)
 class LoopOptions:
-    """`held_out`: patterns of file names; `alpha`: false-alarm probability; `base`: model to start from."""
+    """`held_out`: patterns of file names; `alpha`: false-alarm probability; `base`: model to start from.
+
+    `compliance`: law of the flexspline; None: that of `base`, or the arctan.
+    """
 
     held_out: tuple[str, ...] = ()
     alpha: float = 0.01
     seed: int = 0
     base: Model | None = None
+    compliance: Compliance | None = None
+
+    @property
+    def law(self) -> Compliance:
+        """The law of the flexspline to fit."""
+        return self.compliance or (Compliance.ARCTAN if self.base is None else self.base.base.law)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """A base law of another form: what no effect of the catalogue is, but much looks like.
 
-The flexspline's compliance is a base term; where its true form differs from the arctangent, the difference is odd in
-the torque, and nothing else can be told of it.
+The flexspline's compliance is a base term; where its true form differs from the law that is fitted, the difference is
+odd in the torque, and nothing else can be told of it.
 """
 
 import numpy as np

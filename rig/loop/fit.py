@@ -4,6 +4,7 @@ Levenberg-Marquardt on the summed normal matrices. Positive parameters are estim
 them without hard limits; the catalogue enters as a prior, in units of the information in the data.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -14,6 +15,7 @@ from rig.loop.equations import Piece
 from rig.loop.model import Model, predict
 from rig.loop.normal import Columns, Kind, LinearPiece, Noise, Normal, linearise, noise_of, normal_of, solve
 from rig.loop.tracks import pick_rows
+from sim_backend.errors import ModelError
 
 Floats = NDArray[np.float64]
 
@@ -165,10 +167,13 @@ def _cost(state: Fit) -> float:
 
 
 def _quick_cost(pieces: Sequence[Piece], model: Model, like: Fit) -> float:
-    """Cost of a trial model without its Jacobian."""
+    """Cost of a trial model without its Jacobian; infinite where no drive is like it (T1 above T2)."""
     total = 0.0
     for piece, item in zip(pieces, like.linear, strict=True):
-        residual = piece.target - predict(piece, model).value[piece.index]
+        try:
+            residual = piece.target - predict(piece, model).value[piece.index]
+        except ModelError:
+            return math.inf
         if piece.demeaned:
             residual = residual - residual.mean()
         total += item.weight * float(residual @ residual)

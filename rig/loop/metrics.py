@@ -19,7 +19,7 @@ from rig.loop.equations import Equation, Piece, target_of
 from rig.loop.model import Model, predict
 from rig.loop.result import Errors
 from rig.loop.tracks import SHARE_OF_A_TURN
-from sim_backend.model.compliance import flexspline_stiffness, wave_generator_stiffness
+from sim_backend.model.compliance import wave_generator_stiffness
 
 Floats = NDArray[np.float64]
 
@@ -223,7 +223,7 @@ def _instrument_square(residual: Residual, dut: Dut, model: Model) -> float | No
         return None
     if track.T is not None and quiet is not None:
         noise = float(np.var(track.T[quiet])) * _averaged_away(piece)
-        square += noise * float(np.mean(_flexspline_softness(track.T[piece.index], model) ** 2))
+        square += noise * float(np.mean((1.0 / model.flexspline_stiffness(track.T[piece.index])) ** 2))
     if track.M is not None and quiet is not None and not track.moves:
         softness = 1.0 / wave_generator_stiffness(track.M[piece.index], model.value("K_w0"), model.value("C_w"))
         square += float(np.var(track.M[quiet]) * np.mean((softness / model.ratio) ** 2))
@@ -259,10 +259,6 @@ def quantisation_square(piece: Piece, dut: Dut, ratio: float | None) -> float | 
 
 def _step_of(position: Floats | None) -> float | None:
     return None if position is None else count_of([position])
-
-
-def _flexspline_softness(T: Floats, model: Model) -> Floats:
-    return 1.0 / flexspline_stiffness(T, model.value("K_F0"), model.value("C_F"))
 
 
 def dwell_of(piece: Piece) -> slice | None:

@@ -1,6 +1,6 @@
 """The model of one piece: base law, lines and shapes together, and how a further term would act on it.
 
-    torsion        f(T - c_T) + g(M - c_M)/N + e                                               (28)
+    torsion        f(T - c_T) + g(M - c_M)/N + e   with f after (24), (10) or (11)             (28)
                    + J_l (k w)^2 e (f' + g'/N^2) when turning, for a line e of order k: the output's inertia
     turning        f(T - c_T) + g((T - c_T)/N + sgn(w) (T_c - T_cr) + (b - b_r) w)/N + e;
                    without motor torque f(T - c_T) + sgn(w) windup + e
@@ -20,6 +20,7 @@ in for the measured torque. In a turning run detent torque, inertia and the fric
 stay in the rotor: the wave generator carries the load and the rest of the running friction.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -34,13 +35,7 @@ from rig.loop.play import PlayPath, play_path
 from rig.loop.shapes import ShapeTerm
 from rig.loop.terms import Entry, Line, line_values
 from rig.loop.tracks import Track
-from sim_backend.model.compliance import (
-    flexspline_stiffness,
-    flexspline_torque,
-    flexspline_torsion,
-    wave_generator_stiffness,
-    wave_generator_torsion,
-)
+from sim_backend.model.compliance import LAWS, Compliance, wave_generator_stiffness, wave_generator_torsion
 from sim_backend.model.effects.inertia import inertia
 from sim_backend.model.effects.viscous_friction import viscous_friction
 
@@ -65,6 +60,9 @@ LARGEST_TORSION = 1.5
 READING_PASSES = 3
 """Rounds in which a current takes up the reading that it makes."""
 
+LOG_STEP = 1e-4
+"""Relative change of a parameter over which a law's torsion is differenced: right to 1e-8."""
+
 
 @dataclass(frozen=True, slots=True)
 class Model:
@@ -79,6 +77,27 @@ class Model:
     def value(self, name: str) -> float:
         """Give one base parameter, SI."""
         return float(self.values[self.table.names.index(name)])
+
+    @property
+    def flexspline(self) -> tuple[float, ...]:
+        """The parameters of the flexspline's law, in its order, SI."""
+        return tuple(self.value(name) for name in LAWS[self.table.law].parameters)
+
+    def flexspline_torsion(self, T: Floats) -> Floats:
+        """Give the torsion of the flexspline, rad, under the torque T, N*m."""
+        return LAWS[self.table.law].torsion(T, *self.flexspline)
+
+    def flexspline_stiffness(self, T: Floats) -> Floats:
+        """Give the local stiffness of the flexspline, N*m/rad, under the torque T, N*m."""
+        return LAWS[self.table.law].stiffness(T, *self.flexspline)
+
+    def flexspline_torque(self, torsion: Floats) -> Floats:
+        """Give the torque, N*m, at a torsion of the flexspline, rad; (24) is inverted as far as `LARGEST_TORSION`."""
+        if self.table.law is Compliance.ARCTAN:
+            K_F0, C_F = self.flexspline
+            most = LARGEST_TORSION / (K_F0 * C_F)
+            torsion = np.clip(torsion, -most, most)
+        return LAWS[self.table.law].torque(torsion, *self.flexspline)
 
 
 def predict(piece: Piece, model: Model) -> Evaluation:
@@ -119,7 +138,7 @@ def _signals(
     found["locked"] = np.full(track.size, float(track.procedure is ProcedureName.LOCKED_OUTPUT))
     found["motor_velocity"] = track.speed
     found["output_torque"] = T
-    found["flexspline_torsion"] = flexspline_torsion(T, model.value("K_F0"), model.value("C_F"))
+    found["flexspline_torsion"] = model.flexspline_torsion(T)
     found["base_friction"] = np.abs(model.value("T_c")) + np.abs(model.value("b") * track.speed)
     if M is not None:
         found["motor_torque"] = M
@@ -190,18 +209,18 @@ def _yield_of_lock(track: Track, output: Floats) -> Floats:
 
 def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Evaluation:
     N = _ratio(model)
-    K_F0, C_F, K_w0, C_w = (model.value(name) for name in ("K_F0", "C_F", "K_w0", "C_w"))
+    K_w0, C_w = model.value("K_w0"), model.value("C_w")
     added = _added(track, model, positions)
     signals = _signals(track, model, positions, _load(track, model), track.M)
     load = added.load(signals)
     T = _load(track, model) - load
-    compliance = 1.0 / flexspline_stiffness(T, K_F0, C_F)
-    flexspline = flexspline_torsion(T, K_F0, C_F)
+    compliance = 1.0 / model.flexspline_stiffness(T)
+    flexspline = model.flexspline_torsion(T)
     signals = _loaded(signals, T, flexspline)
     value = added.angle(signals) + flexspline
     base: dict[str, Floats] = {}
     if track.T is not None or np.any(load):
-        base = {"K_F0": -flexspline / K_F0, "C_F": (T * compliance - flexspline) / C_F}
+        base = _flexspline_columns(T, flexspline, compliance, model)
     motor_route, friction, load_weight = None, None, -compliance
     if track.M is not None:
         sign = np.sign(track.speed)
@@ -231,6 +250,21 @@ def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Eva
         value = value + model.value("J_l") * swing
         base["J_l"] = swing
     return Evaluation(value, base, True, motor_route, Route(load_weight), friction, signals, T, _everywhere(track), N)
+
+
+def _flexspline_columns(T: Floats, torsion: Floats, compliance: Floats, model: Model) -> dict[str, Floats]:
+    """Give the derivatives (n,) of the flexspline's torsion by its law's parameters; `torsion`, `compliance`: at T."""
+    law, values = LAWS[model.table.law], model.flexspline
+    if model.table.law is Compliance.ARCTAN:
+        K_F0, C_F = values
+        return {"K_F0": -torsion / K_F0, "C_F": (T * compliance - torsion) / C_F}
+    found = {}
+    for k, name in enumerate(law.parameters):
+        up, down = (
+            law.torsion(T, *values[:k], values[k] * math.exp(step), *values[k + 1 :]) for step in (LOG_STEP, -LOG_STEP)
+        )
+        found[name] = (up - down) / (2.0 * LOG_STEP * values[k])
+    return found
 
 
 def _swing(track: Track, model: Model, positions: dict[str, Floats]) -> Floats:
@@ -335,11 +369,9 @@ def _held_by_mesh(
     if not np.any(error):
         path = play_path(inputs, radius, track.fine)
         return path, path.output
-    K_F0, C_F = model.value("K_F0"), model.value("C_F")
-    lowest, highest = (flexspline_torsion(inputs + sign * radius, K_F0, C_F) for sign in (-1.0, 1.0))
+    lowest, highest = (model.flexspline_torsion(inputs + sign * radius) for sign in (-1.0, 1.0))
     path = play_path(0.5 * (lowest + highest) + np.repeat(error, track.fine), 0.5 * (highest - lowest), track.fine)
-    most = LARGEST_TORSION / (K_F0 * C_F)
-    return path, flexspline_torque(np.clip(path.output - error, -most, most), K_F0, C_F)
+    return path, model.flexspline_torque(path.output - error)
 
 
 def _radius(level: float, added: Floats | None, fine: int) -> Floats | float:

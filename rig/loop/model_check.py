@@ -16,7 +16,7 @@ from rig.loop.shapes import ShapeClass, named_effect
 from rig.loop.terms import Entry, entry_of, is_line
 from sim_backend.model.effects import CATALOGUE, Effect, Enters, Parameter
 from sim_backend.model.limits import CATALOGUE as DEVICE
-from sim_backend.model.limits import DRIVE, Limit
+from sim_backend.model.limits import CUBIC, DRIVE, PIECEWISE, Limit
 
 if TYPE_CHECKING:  # it calls this module when it reads a file
     from rig.loop.model_file import Model, ModelEffect, ModelEstimate
@@ -24,11 +24,17 @@ if TYPE_CHECKING:  # it calls this module when it reads a file
 LARGEST = 1e9
 """In SI: beyond it no base parameter means anything."""
 
+LEAST_A3 = 1e-9
+"""N*m/rad^3: a straight line for every torque; a fit takes the logarithm of it."""
+
 FALLING_FRICTION = 0.01
 """s/rad: share of the running friction per speed by which a viscous friction may be negative, as a fit leaves it."""
 
 _RANGES: Mapping[str, Limit] = {
     **{name: DRIVE[name] for name in ("K_F0", "C_F", "K_w0", "C_w")},
+    **CUBIC,
+    "a3": CUBIC["a3"]._replace(low=LEAST_A3),
+    **PIECEWISE,
     **{name: DEVICE["starting_torque"]._replace(equation="(36)") for name in ("T_fs", "T_fb")},
 }
 _ANGLES = ("motor_position", "output_position")
@@ -52,7 +58,8 @@ def mistakes_in(model: "Model") -> list[Mistake]:
 
 
 def _base(model: "Model") -> Iterator[Mistake]:
-    units = {entry.name: entry.unit for entry in parameter_table(model.dut, model.base.ratio).entries}
+    table = parameter_table(model.dut, model.base.ratio, model.base.law)
+    units = {entry.name: entry.unit for entry in table.entries}
     given = model.base.parameters
     for name, estimate in given.items():
         path = f"base.parameters.{name}"
@@ -69,6 +76,9 @@ def _base(model: "Model") -> Iterator[Mistake]:
         else:
             highest = DRIVE["viscous_friction"].high if name == "b" else LARGEST
             yield from _outside(path, estimate.value, _lowest(name, given), highest, units[name])
+    knees = [given[name].value for name in ("T1", "T2") if name in given and name in units]
+    if len(knees) == 1 or knees != sorted(set(knees)):
+        yield Mistake("base.parameters", knees, "must have both T1 and T2, T1 below T2, or neither")
 
 
 def _lowest(name: str, given: "Mapping[str, ModelEstimate]") -> float:

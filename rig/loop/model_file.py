@@ -1,7 +1,9 @@
 """The fitted model as a file, `model.json` (schema `rig.model/1`): device, base model, effects, runs, version."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError
@@ -10,6 +12,7 @@ from drivers.errors import ConfigError, Mistake
 from rig.config.dut import Dut
 from rig.config.toml_file import FileModel, mistakes_of
 from rig.loop.model_check import mistakes_in
+from sim_backend.model.compliance import Compliance
 
 MAX_BYTES = 5_000_000
 
@@ -46,16 +49,33 @@ class ModelEffect(FileModel):
     parameters: dict[str, ModelEstimate]
 
 
+BaseName = Literal["zhang-2014", "zhang-2014-cubic", "zhang-2014-piecewise"]
+
+BASE_MODELS: Mapping[Compliance, BaseName] = MappingProxyType(
+    {
+        Compliance.ARCTAN: "zhang-2014",
+        Compliance.CUBIC: "zhang-2014-cubic",
+        Compliance.PIECEWISE: "zhang-2014-piecewise",
+    }
+)
+"""Names of the base models by the law of their flexspline."""
+
+
 class ModelBase(FileModel):
     """Base model by name, ratio (null: unknown) and parameters.
 
     `zhang-2014`: compliance (24), (27) and play friction of Zhang, Ahmad & Liu 2014, with Coulomb and viscous running
-    friction.
+    friction; `-cubic` and `-piecewise` have (10) and (11) in place of (24).
     """
 
-    model: Literal["zhang-2014"]
+    model: BaseName
     ratio: Annotated[Whole, Field(ge=1, le=1e6)] | None
     parameters: dict[str, ModelEstimate]
+
+    @property
+    def law(self) -> Compliance:
+        """The law of the flexspline."""
+        return next(law for law, name in BASE_MODELS.items() if name == self.model)
 
 
 class Model(FileModel):

@@ -14,13 +14,13 @@ from rig.log.run import ProcedureName
 from rig.loop.equations import Equation
 from rig.loop.evidence import Memory, Repeats, memory, repeats
 from rig.loop.metrics import Residual
-from rig.loop.parameters import flexspline_from_catalogue
+from rig.loop.parameters import flexspline_entries
 from rig.loop.report_steps import base_estimates
 from rig.loop.result import EquationResult, Json, NextExperiment, Open, Verdict
 from rig.loop.select import LEAST_IMPROVED, QUOTIENT, Selection
 
 STIFFNESS_DEVIATION = 0.10
-"""Relative deviation of K_F0 from the catalogue beyond which a quotient group is at work."""
+"""Relative deviation of the stiffness without torque from the catalogue beyond which a quotient group is at work."""
 
 STIFFNESS_GROUP = ("fixture-compliance", "flexspline-compliance", "torque-constant-error", "torque-sensor-gain")
 
@@ -238,10 +238,11 @@ def _absorbed(selection: Selection, dut: Dut) -> list[Open]:
         return []
     # without a sweep of the torque its noise is all that tells of the stiffness
     swept = any(i.piece.equation is Equation.TORSION and not i.piece.track.moves for i in selection.fit.linear)
-    estimate = base_estimates(selection.fit).get("K_F0")
+    stiffness = flexspline_entries(gear, selection.fit.model.table.law)[0]
+    estimate = base_estimates(selection.fit).get(stiffness.name)
     if not swept or estimate is None or estimate.ci95 is None:
         return []
-    catalogue, _ = flexspline_from_catalogue(gear.K1, gear.K2, gear.T1, gear.T2)
+    catalogue = stiffness.centre
     deviation = estimate.value / catalogue - 1.0
     low, high = estimate.ci95
     if abs(deviation) < STIFFNESS_DEVIATION or low <= catalogue <= high:
@@ -250,12 +251,12 @@ def _absorbed(selection: Selection, dut: Dut) -> list[Open]:
         Open(
             verdict=Verdict.ABSORBED,
             group=STIFFNESS_GROUP,
-            parameter="K_F0",
+            parameter=stiffness.name,
             deviation=deviation,
             evidence={
                 "fitted": estimate.value,
                 "catalogue": catalogue,
-                "unit": "N*m/rad",
+                "unit": stiffness.unit,
                 "meaning": "these runs cannot separate the members of the group",
             },
             next_experiment=NextExperiment(

@@ -39,7 +39,7 @@ class Prediction:
 
 def model_of_file(model: ModelFile) -> Model:
     """Give the model that a file describes."""
-    return start_model(model.dut, model.base.ratio, model)
+    return start_model(model.dut, model.base.ratio, model.base.law, model)
 
 
 def predict_run(run: Run, model: ModelFile) -> tuple[Prediction, ...]:

@@ -11,7 +11,7 @@ from rig.loop.equations import Equation
 from rig.loop.fit import Fit
 from rig.loop.frames import turned, turned_shape, wrapped
 from rig.loop.intervals import covariance, quantile
-from rig.loop.model_file import Model, ModelBase, ModelEffect, ModelEstimate, ModelLine
+from rig.loop.model_file import BASE_MODELS, Model, ModelBase, ModelEffect, ModelEstimate, ModelLine
 from rig.loop.result import Estimate, LineResult, NextExperiment, Shift, Step, Verdict
 from rig.loop.select import Decision
 from rig.loop.shapes import ShapeTerm
@@ -174,7 +174,7 @@ def model_of(final: Fit, steps: Sequence[Step], enters: Sequence[str], dut: Dut,
         )
         for step, entry in zip(steps, enters, strict=True)
     )
-    base = ModelBase(model="zhang-2014", ratio=final.model.ratio, parameters=parameters)
+    base = ModelBase(model=BASE_MODELS[final.model.table.law], ratio=final.model.ratio, parameters=parameters)
     return Model(schema="rig.model/1", dut=dut, base=base, effects=effects, runs=runs, software=software)
 
 

@@ -193,8 +193,7 @@ def _round(
 
 def _shapes(ground: Ground, known: Mapping[str, float], least: float) -> list[ShapeTrial]:
     """Give how every effect that is no line explains what is left, best first."""
-    table = ground.fit.model.table
-    stiffness = float(table.centre()[table.names.index("K_F0")])
+    stiffness = ground.fit.model.table.entries[0].centre
     scales = scales_of(ground.fit.linear, {**known, "stiffness": stiffness})
     counts = {signal: known[name] for signal, name in COUNTS.items() if name in known}
     swept = [item for item in ground.fit.linear if item.piece.equation is Equation.TORSION]

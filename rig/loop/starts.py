@@ -1,7 +1,8 @@
 """Starting values scaled to the data: catalogue values are priors, and may be wrong by any factor.
 
 A secant of the torque over the torsion gives the stiffness, half the width of the friction loop its level. Where such a
-rough value differs from the catalogue's by more than `FACTOR`, the fit starts from it; the prior stays the catalogue's.
+rough value differs from the catalogue's by more than `FACTOR`, the fit starts from it; the prior stays the catalogue's
+(but for the stiffnesses of a piecewise linear flexspline).
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,8 +23,14 @@ FACTOR = 3.0
 WAVE_GENERATOR_SHARE = 1.6
 """K_w0 * ratio^2 over K_F0 of the drive in Zhang, Ahmad & Liu 2014."""
 
+STIFFNESSES = ("K_F0", "a1", "K1", "K2", "K3")
+"""Stiffnesses of the flexspline in one law or another."""
+
+LINES = ("K1", "K2", "K3")
+"""Of these a prior that the data contradict goes as well: it would drive T2 out of the data before it gives in."""
+
 BEND = 0.7
-"""C_F times the largest torque of that drive."""
+"""C_F times the largest torque of that drive; the square is the share by which the flexspline stiffens up to there."""
 
 LEVELS = (10.0, 90.0)
 """Percentiles between which a friction loop is wide."""
@@ -34,25 +41,28 @@ def scaled_to_data(start: Model, tracks: Sequence[Track]) -> Model:
     far = {
         name: value
         for name, value in _rough_values(start, tracks)
-        if not 1.0 / FACTOR < value / start.value(name) < FACTOR
+        if name in start.table.names and not 1.0 / FACTOR < value / start.value(name) < FACTOR
     }
-    table = start.table.with_start(far)
+    table = start.table.with_start(far).with_centre({name: far[name] for name in LINES if name in far})
     values = np.where([entry.name in far for entry in table.entries], table.start(), start.values)
     return replace(start, table=table, values=values)
 
 
 def _rough_values(start: Model, tracks: Sequence[Track]) -> Iterator[tuple[str, float]]:
+    """Give rough values by name, for every law of the flexspline; T1 and T2 are the catalogue's."""
     ratio = start.ratio
     swept = [track for track in tracks if not track.moves and track.usable.sum() > 2]
     if ratio is None:
         return
     stiffness = _median([secant for track in swept if (secant := _secant(track, ratio)) is not None])
     if stiffness is not None:
-        yield "K_F0", stiffness
+        yield from ((name, stiffness) for name in STIFFNESSES)
         yield "K_w0", WAVE_GENERATOR_SHARE * stiffness / ratio**2
     largest = max((float(np.abs(track.T[track.usable]).max()) for track in swept if track.T is not None), default=0.0)
     if largest > 0.0:
         yield "C_F", BEND / largest
+        if stiffness is not None:
+            yield "a3", (BEND / largest) ** 2 * stiffness**3 / 3.0
     locked = _median([_level(t, ratio) for t in swept if t.procedure is ProcedureName.LOCKED_OUTPUT and _both(t)])
     if locked is not None:
         yield "T_fs", locked

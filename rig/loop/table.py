@@ -2,7 +2,9 @@
 
 from rich.table import Table
 
-from rig.loop.result import Errors, LoopResult, NextExperiment, Open, Step
+from rig.loop.model_file import ModelBase, ModelEstimate
+from rig.loop.result import Errors, Estimate, LoopResult, NextExperiment, Open, Step
+from sim_backend.model.compliance import LAWS
 
 TITLES = ("equation", "unit", "before", "after", "floor", "floor 95 %", "max after")
 
@@ -39,8 +41,8 @@ def headline(result: LoopResult) -> str:
 
 
 def statements(result: LoopResult) -> list[str]:
-    """Give a few lines for every step and open statement, one for every warning."""
-    lines = []
+    """Give the flexspline's law that was fitted, a few lines for every step and open statement, one per warning."""
+    lines = _flexspline(result.model.base)
     for step in result.steps:
         lines.append(f"+ {step.effect} in {step.equation}, false-alarm probability {step.p_value:.1g}")
         lines += [f"    {text}" for text in _parameters(step)] + _next(step.next_experiment)
@@ -50,15 +52,27 @@ def statements(result: LoopResult) -> list[str]:
     return lines + [f"! {warning}" for warning in result.warnings]
 
 
+def _flexspline(base: ModelBase) -> list[str]:
+    """Give the law of the flexspline with its parameters, as far as the data told of them."""
+    names = (name for name in LAWS[base.law].parameters if name in base.parameters)
+    values = [_shown(name, base.parameters[name]) for name in names]
+    return [f"= flexspline {base.law}: {', '.join(values)}"] if values else []
+
+
 def _parameters(step: Step) -> list[str]:
     """Give the parameters with their 95 % half widths, those of one line of a periodic term in one line of text."""
     found: dict[str, list[str]] = {}
     for name, estimate in step.parameters.items():
         base, _, rank = name.rpartition("_")
         key, shown = (rank, base) if rank.isdecimal() else ("", name)
-        half = "" if estimate.ci95 is None else f" +- {0.5 * (estimate.ci95[1] - estimate.ci95[0]):.2g}"
-        found.setdefault(key, []).append(f"{shown} {estimate.value:.7g}{half} {estimate.unit}".rstrip())
+        found.setdefault(key, []).append(_shown(shown, estimate))
     return [", ".join(texts) for texts in found.values()]
+
+
+def _shown(name: str, estimate: Estimate | ModelEstimate) -> str:
+    """Give a parameter with its 95 % half width and unit."""
+    half = "" if estimate.ci95 is None else f" +- {0.5 * (estimate.ci95[1] - estimate.ci95[0]):.2g}"
+    return f"{name} {estimate.value:.7g}{half} {estimate.unit}".rstrip()
 
 
 def _statement(item: Open) -> str:

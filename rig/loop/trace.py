@@ -34,6 +34,7 @@ from rig.loop.starts import FACTOR, scaled_to_data
 from rig.loop.terms import Entry, Line, TermClass
 from rig.loop.tracks import Track, make_track, thin_track
 from rig.provenance import software_version
+from sim_backend.model.compliance import Compliance
 
 SAME_SPEED = 1.05
 """Ratio below which two legs have the same speed."""
@@ -73,7 +74,7 @@ def trace(
     held_out = [make_track(run, dut) for run in campaign.held_out]
     ratio = check_gear(train, dut)
     check_signs([*train, *held_out], ratio)
-    start = scaled_to_data(start_model(dut, ratio, options.base), train)
+    start = scaled_to_data(start_model(dut, ratio, options.law, options.base), train)
     thinned = [distinct_readings(piece) for track in train for piece in pieces_of(thin_track(track), ratio)]
     pieces = _settled(thinned, start)
     if not pieces:
@@ -134,9 +135,12 @@ def known_parameters(dut: Dut, ratio: float | None) -> dict[str, float]:
     return {name: float(value) for name, value in given.items() if value is not None}
 
 
-def start_model(dut: Dut, ratio: float | None, base: ModelFile | None) -> Model:
-    """Give the model from which the fit starts: the device file's estimates, or a model file's values and effects."""
-    table = parameter_table(dut, ratio)
+def start_model(dut: Dut, ratio: float | None, law: Compliance, base: ModelFile | None) -> Model:
+    """Give the model from which the fit starts: the device file's estimates, or a model file's values and effects.
+
+    Of a model file with another law of the flexspline everything but that law's parameters is taken.
+    """
+    table = parameter_table(dut, ratio, law)
     lines: tuple[Line, ...] = ()
     shapes: tuple[ShapeTerm, ...] = ()
     if base is not None:
