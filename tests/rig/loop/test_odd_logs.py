@@ -89,7 +89,7 @@ def test_structure_without_replicates_is_untraced_and_says_what_is_not_known() -
 @pytest.mark.parametrize(
     ("given", "wrong"),
     [
-        ("K1 = 8.4e3", "K1 = 1e-6"),
+        ("K1 = 8.4e3", "K1 = 0.1"),
         ("K1 = 8.4e3\nK2 = 9.4e3", "K1 = 8.4e5\nK2 = 9.4e5"),
         ("starting_torque = 0.012", "starting_torque = 1.2"),
         ("starting_torque = 0.012", "starting_torque = 1.2e-4"),
