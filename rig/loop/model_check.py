@@ -6,20 +6,17 @@ Checked once, where the file is read: what evaluates a model and what runs one t
 import math
 import re
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
 
 from drivers.errors import Mistake
 from rig.config.catalogue import beyond_limits
 from rig.config.toml_file import did_you_mean
+from rig.loop.model_file import Model, ModelEffect, ModelEstimate
 from rig.loop.parameters import parameter_table
 from rig.loop.shapes import ShapeClass, named_effect
 from rig.loop.terms import Entry, entry_of, is_line
 from sim_backend.model.effects import CATALOGUE, Effect, Enters, Parameter
 from sim_backend.model.limits import CATALOGUE as DEVICE
 from sim_backend.model.limits import CUBIC, DRIVE, PIECEWISE, Limit
-
-if TYPE_CHECKING:  # it calls this module when it reads a file
-    from rig.loop.model_file import Model, ModelEffect, ModelEstimate
 
 LARGEST = 1e9
 """In SI: beyond it no base parameter means anything."""
@@ -46,7 +43,7 @@ _NUMBERED = re.compile(r"(amplitude|order|phase)(_[2-9]|_[1-9][0-9]+)?")
 _RATIO_AGREES = 1e-6
 
 
-def mistakes_in(model: "Model") -> list[Mistake]:
+def mistakes_in(model: Model) -> list[Mistake]:
     """Give everything that the model says and that cannot be, with its path in the file."""
     device = [Mistake(f"dut.{m.path}", m.value, m.rule) for m in beyond_limits(model.dut)]
     if device:
@@ -57,7 +54,7 @@ def mistakes_in(model: "Model") -> list[Mistake]:
     return found
 
 
-def _base(model: "Model") -> Iterator[Mistake]:
+def _base(model: Model) -> Iterator[Mistake]:
     table = parameter_table(model.dut, model.base.ratio, model.base.law)
     units = {entry.name: entry.unit for entry in table.entries}
     given = model.base.parameters
@@ -93,7 +90,7 @@ def _outside(path: str, value: float, low: float, high: float, unit: str) -> Ite
         yield Mistake(path, value, f"must be {low:g} to {high:g}{shown}")
 
 
-def _effect(item: "ModelEffect", model: "Model") -> Iterator[Mistake]:
+def _effect(item: ModelEffect, model: Model) -> Iterator[Mistake]:
     """Give the mistakes of one effect, their paths within it."""
     if item.effect.startswith(("unnamed:", "ambiguous:")):
         effect = None if item.lines else named_effect(item.effect, item.parameters.keys())
@@ -117,7 +114,7 @@ def _effect(item: "ModelEffect", model: "Model") -> Iterator[Mistake]:
         yield from _shape(item, effect, model)
 
 
-def _lines(item: "ModelEffect", effect: Effect | None) -> Iterator[Mistake]:
+def _lines(item: ModelEffect, effect: Effect | None) -> Iterator[Mistake]:
     if effect is not None and not is_line(effect):
         yield Mistake("lines", f"{len(item.lines)} lines", f"{effect.id} is not periodic and has parameters only")
         return
@@ -153,7 +150,7 @@ def _high(ranges: Mapping[str, Parameter], name: str) -> float:
     return ranges[name].high if name in ranges else LARGEST
 
 
-def _shape(item: "ModelEffect", effect: Effect, model: "Model") -> Iterator[Mistake]:
+def _shape(item: ModelEffect, effect: Effect, model: Model) -> Iterator[Mistake]:
     members = item.effect.removeprefix("ambiguous:").split("|")
     kinds = [ShapeClass(name) for name in members if name in CATALOGUE and CATALOGUE[name].enters is not Enters.BASE]
     yield from _place(item, [(kind.enters, kind.variable) for kind in kinds])
@@ -173,7 +170,7 @@ def _shape(item: "ModelEffect", effect: Effect, model: "Model") -> Iterator[Mist
             yield from _contradiction(path, name, estimate.value, model)
 
 
-def _contradiction(path: str, name: str, value: float, model: "Model") -> Iterator[Mistake]:
+def _contradiction(path: str, name: str, value: float, model: Model) -> Iterator[Mistake]:
     """Give the mistake of an effect that was given another ratio, torque constant or count than the device has."""
     own = {
         "ratio": model.base.ratio or model.dut.gear.ratio,
@@ -184,7 +181,7 @@ def _contradiction(path: str, name: str, value: float, model: "Model") -> Iterat
         yield Mistake(path, value, f"contradicts the device, which has {own:g}")
 
 
-def _place(item: "ModelEffect", places: list[tuple[str, str]]) -> Iterator[Mistake]:
+def _place(item: ModelEffect, places: list[tuple[str, str]]) -> Iterator[Mistake]:
     """Give the mistakes of where an effect is said to act, and on what it depends."""
     if (item.enters, item.variable) in places:
         return

@@ -21,7 +21,8 @@ from rig.log.run import Run
 from rig.loop.campaign import LoopOptions
 from rig.loop.equations import Equation, pieces_of
 from rig.loop.model import predict
-from rig.loop.model_file import BASE_MODELS, Model, ModelBase, ModelEstimate, load_model, write_model
+from rig.loop.model_file import BASE_MODELS, Model, ModelBase, ModelEstimate
+from rig.loop.model_storage import load_model, write_model
 from rig.loop.parameters import parameter_table
 from rig.loop.predict import predict_run
 from rig.loop.result import LoopResult, Verdict

@@ -9,7 +9,7 @@ import pytest
 
 from drivers.errors import ConfigError
 from rig.loop.campaign import LoopOptions
-from rig.loop.model_file import load_model, write_model
+from rig.loop.model_storage import load_model, write_model
 from rig.loop.plot import plot_loop
 from rig.loop.predict import predict_run, write_predictions
 from rig.loop.result import LoopResult

@@ -14,7 +14,8 @@ from rig.cli import app
 from rig.config.dut import SHD_17_100, default_dut
 from rig.config.toml_file import parse_toml
 from rig.log.run import Run
-from rig.loop.model_file import Model, ModelBase, ModelEffect, ModelEstimate, ModelLine, load_model, write_model
+from rig.loop.model_file import Model, ModelBase, ModelEffect, ModelEstimate, ModelLine
+from rig.loop.model_storage import load_model, write_model
 from rig.loop.parameters import parameter_table
 from rig.loop.predict import predict_run
 from rig.loop.shapes import ShapeClass, catalogue_shapes
