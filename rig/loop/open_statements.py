@@ -17,7 +17,7 @@ from rig.loop.metrics import Residual
 from rig.loop.parameters import flexspline_entries
 from rig.loop.report_steps import base_estimates
 from rig.loop.result import EquationResult, Json, NextExperiment, Open, Verdict
-from rig.loop.select import LEAST_IMPROVED, QUOTIENT, Selection
+from rig.loop.select import LEAST_IMPROVED, LEAST_SLOPE, QUOTIENT, Selection
 
 STIFFNESS_DEVIATION = 0.10
 """Relative deviation of the stiffness without torque from the catalogue beyond which a quotient group is at work."""
@@ -25,9 +25,6 @@ STIFFNESS_DEVIATION = 0.10
 STIFFNESS_GROUP = ("fixture-compliance", "flexspline-compliance", "torque-constant-error", "torque-sensor-gain")
 
 SLOPE_GROUP = ("load-dependent-friction", "torque-constant-error", "torque-sensor-gain")
-LEAST_SLOPE = 3e-3
-"""Relative deviation of the two torques' ratio that is worth a statement."""
-
 SURE = 1e-4
 """False-alarm probability of a single test below which such a statement is made."""
 

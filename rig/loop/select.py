@@ -50,6 +50,12 @@ MOST_LINES = 16
 QUOTIENT = ("torque-constant-error", "torque-sensor-gain")
 """What base parameters take up, each its own: only that the two torques do not agree shows, never which is wrong."""
 
+LEAST_SLOPE = 3e-3
+"""Relative deviation of the two torques' ratio that is worth a statement."""
+
+LEAST_DELAY = 5e-4
+"""s: half a cycle of a bench. The simulated bench without any effect shows a quarter of a millisecond."""
+
 NESTED: Mapping[str, tuple[str, ...]] = {"rate-dependent-hysteresis": ("creep", "maxwell-slip")}
 """A class that holds others as special cases: it is taken only if it explains more."""
 
@@ -201,7 +207,17 @@ def _shapes(ground: Ground, known: Mapping[str, float], least: float) -> list[Sh
         item
         for item in shape_trials(ground, scales, least)
         if not any(counts_pass(frequency, swept, counts) for frequency in item.term.frequencies)
+        and not _is_slight(item)
     ]
+
+
+def _is_slight(item: ShapeTrial) -> bool:
+    """Whether a reading errs by less than is worth a statement, however significant: a share of the torque, a delay."""
+    term = item.term
+    if term.effect.id in QUOTIENT:
+        return float(np.abs(item.trial.amplitudes).max()) < LEAST_SLOPE
+    times = [v for p, v in zip(term.effect.parameters, term.values, strict=True) if p.unit == "s"]
+    return bool(term.effect.reads and times) and max(times) < LEAST_DELAY
 
 
 def _judge_shape(
