@@ -39,6 +39,9 @@ from sim_backend.model.compliance import Compliance
 SAME_SPEED = 1.05
 """Ratio below which two legs have the same speed."""
 
+LEAST_TOLD = 1e-3
+"""Share of an equation's squares below which a significant term that was not added is not even told."""
+
 KNOWN_SPEED = 1.5
 """Times the fastest fitted leg up to which a torque line is predicted."""
 
@@ -409,6 +412,8 @@ def _unadded(selection: Selection) -> list[str]:
     current = any(item.piece.equation is Equation.MOTOR_CURRENT for item in selection.fit.linear)
     found = []
     for item in selection.unadded:
+        if item.share < LEAST_TOLD:
+            continue
         if item.order is None:
             found.append(f"Found, not added: {item.kind.id}: {item.why}.")
             continue

@@ -22,8 +22,11 @@ def choose(names: Sequence[str], items: Sequence[Item] = ITEMS) -> tuple[Item, .
     """
     unknown = [name for name in names if not any(_names(name, item) for item in items)]
     if unknown:
+        papers = ", ".join(dict.fromkeys(item.paper for item in items))
         known = ", ".join(f"{item.paper}/{_short(item.what)}" for item in items)
-        raise ConfigError("NAME", [Mistake("NAME", name[:60], f"expected one of {known}") for name in unknown])
+        raise ConfigError(
+            "NAME", [Mistake("NAME", name[:60], f"expected one of {papers}, {known}") for name in unknown]
+        )
     return tuple(item for item in items if not names or any(_names(name, item) for name in names))
 
 
