@@ -68,7 +68,9 @@ def test_the_names_in_the_refusal_are_names():
     with pytest.raises(ConfigError) as refused:
         choose(["nothing"])
     names = str(refused.value).split("expected one of ")[1].rstrip(".").split(", ")
-    assert [choose([name]) for name in names] == [(item,) for item in ITEMS]
+    papers, parts = ([name for name in names if ("/" in name) is part] for part in (False, True))
+    assert [choose([name]) for name in parts] == [(item,) for item in ITEMS]
+    assert [item for name in papers for item in choose([name])] == list(ITEMS)
 
 
 def test_a_row_s_command_names_its_own_part_of_the_item():
