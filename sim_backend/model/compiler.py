@@ -43,14 +43,14 @@ import numpy as np
 class Functions:
     """Compiled functions of one text, by name. Whatever is wrong with numba's cache of them costs only that cache."""
 
-    def __init__(self, name: str, alone: str, folder: Path) -> None:
-        """name: of the module. alone: the same text without a cache."""
-        self._name = name
+    def __init__(self, module: ModuleType, alone: str, folder: Path) -> None:
+        """Take the `module` with the functions, and `alone`, the same text without a cache."""
+        self._module = module
         self._alone = alone
         self._folder = folder
 
     def __getattr__(self, function: str) -> Callable[..., Any]:
-        if not hasattr(sys.modules[self._name], function):
+        if not hasattr(self._module, function):
             raise AttributeError(function)
         return partial(self._call, function)
 
@@ -58,7 +58,7 @@ class Functions:
         """Call; the first call compiles, and reads and writes the cache. What fails there is done again without it."""
         for remedy in (self._discard, self._do_without, None):
             try:
-                return getattr(sys.modules[self._name], function)(*arguments)
+                return getattr(self._module, function)(*arguments)
             except Exception as error:
                 if remedy is None or not _of_numbas_cache(error):
                     raise
@@ -66,10 +66,10 @@ class Functions:
         return None
 
     def _discard(self) -> None:
-        _discard(self._folder, self._name)
+        _discard(self._folder, self._module.__name__)
 
     def _do_without(self) -> None:
-        sys.modules[self._name] = _run(self._alone, self._name)
+        self._module = sys.modules[self._module.__name__] = _run(self._alone, self._module.__name__)
 
 
 def load(title: str, body: str, *, compiled: bool = True) -> ModuleType | Functions:
@@ -90,7 +90,7 @@ def load(title: str, body: str, *, compiled: bool = True) -> ModuleType | Functi
     if name not in sys.modules:
         # registered, because numba finds a cached function's module by its name, and to be compiled once a process
         sys.modules[name] = _cached(name, text, folder) or _run(alone, name)
-    return Functions(name, alone, folder)
+    return Functions(sys.modules[name], alone, folder)
 
 
 def has_numba() -> bool:
