@@ -13,8 +13,9 @@ from scipy.signal import savgol_filter
 
 Floats = NDArray[np.float64]
 
-TOLERANCE = 4.0
-"""Standard deviations of a sample by which a polyline may miss the smoothed torque before it gets a further knot."""
+TOLERANCE, TOLERANCE_COLOURED = 6.3, 4.0
+"""By how many standard deviations of the ends of smoothing lines a polyline may miss the smoothed torque before it gets
+a further knot; of a noise that remembers, of a sample, because smoothing leaves most of it."""
 
 MOST_KNOTS, MOST_POINTS = 200, 3000
 """Knots of a polyline, and means of neighbouring samples that place them."""
@@ -70,7 +71,8 @@ def polyline(values: Floats, smoothed: Floats, side: int, period: float) -> Floa
     for _ in range(ROUNDS):
         # what corners add to second differences is gone once a first polyline has been taken off
         noise, memory = _noise(rest, period)
-        knots = _knots(smoothed, TOLERANCE * np.sqrt(np.maximum(noise, 1e-300)))
+        tolerance = TOLERANCE_COLOURED if memory else TOLERANCE * math.sqrt(4.0 / side)
+        knots = _knots(smoothed, tolerance * np.sqrt(np.maximum(noise, 1e-300)))
         if not noise.all() or len(knots) > min(n * period / SHORTEST + 2, MOST_KNOTS):
             return None
         line = _placed(values, np.array(knots, dtype=float))
