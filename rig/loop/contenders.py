@@ -20,6 +20,9 @@ CONTENDS = 0.3
 MOST = 4
 """Effects that are fitted at most."""
 
+PASSES, REWEIGHTINGS = 10, 3
+"""Passes of a fit at most, and how often its weights are taken anew from its residual."""
+
 
 def by_joint_fit(pieces: Sequence[Piece], ground: Ground, trials: Sequence[ShapeTrial]) -> list[ShapeTrial]:
     """Order the contenders among `trials` by how far a joint fit with each lowers the residual; gains follow suit.
@@ -44,10 +47,6 @@ def by_joint_fit(pieces: Sequence[Piece], ground: Ground, trials: Sequence[Shape
     ]
     rest = [item for item in trials if all(item is not other for other in close)]
     return sorted([*compared, *rest], key=lambda item: -item.trial.gain)
-
-
-PASSES = 10
-REWEIGHTINGS = 3
 
 
 def _with(pieces: Sequence[Piece], ground: Fit, item: ShapeTrial) -> Fit:
