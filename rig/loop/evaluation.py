@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from rig.loop.shapes import Place, ShapeTerm, addition, derivatives, place_of
 from rig.loop.terms import Entry, LineValues, TermClass
-from sim_backend.model.effects import Effect, Enters
+from sim_backend.model.effects import Effect
 
 Floats = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -18,10 +18,6 @@ ANGLES = ("motor_position", "output_position")
 
 FLEXSPLINE_TORQUE = "flexspline_torque"
 """Name of the torque by which an angle error acts on the motor, beside the signals of the contract."""
-
-
-REACTS = (Entry.TORSION, Entry.TORSION_TIMES_TORQUE)
-"""Lines that are errors of the gear itself, not of a reading."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,22 +187,6 @@ class Added:
             added / _gear_of(term.effect, self.ratio)
             for term in self._at(Place.ANGLE)
             if (added := addition(term, signals, self.step)) is not None
-        ]
-        return _sum(torque.size, parts)
-
-    def behind_mesh(self, signals: Mapping[str, Floats]) -> Floats:
-        """Give the part of the torsion (rad, shape (n,)) that lies between a mesh that sticks and the output.
-
-        Wrong readings of an angle and what lies in series with the wave generator are no part of it.
-        """
-        torque = signals[FLEXSPLINE_TORQUE]
-        parts = [
-            angle_addition(entry, values.value, torque, self.ratio) for entry, values in self.lines if entry in REACTS
-        ]
-        parts += [
-            addition(term, signals, self.step)
-            for term in self.shapes
-            if term.effect.enters is Enters.TORSION and "motor_torque" not in term.effect.signals
         ]
         return _sum(torque.size, parts)
 

@@ -7,8 +7,7 @@
     backdrive      M = play((T - c_T)/N; T_fb/N) + c_M + M_0
     free run       M = (T - c_T)/N + sgn(w) T_c + b w + c_M + M_0 + J_r a + K_r p  (a, p: acceleration and position of
                    the rotor's ripple; K_r: the springs behind it)
-    locked output  T = play(N (M - c_M - J_r a); N T_fs) + c_T + T_0  (a: acceleration of the rotor on its springs);
-                   with an e behind the mesh the play is that of the angle f(T) + e, which stays while the rim sticks
+    locked output  T = play(N (M - c_M - J_r a); N T_fs) + c_T + T_0  (a: acceleration of the rotor on its springs)
     held still     M = M_0 + c_M
     motion at the output without motor torque  T = sgn(w) T_co + b_o w + J_o a + c_T + T_0  (a: acceleration)
 
@@ -31,8 +30,8 @@ from rig.log.run import ProcedureName
 from rig.loop.equations import Equation, Law, Piece
 from rig.loop.evaluation import FLEXSPLINE_TORQUE, Added, Evaluation, Route, through
 from rig.loop.parameters import ParameterTable
-from rig.loop.play import PlayPath, play_path
-from rig.loop.shapes import ShapeTerm
+from rig.loop.play import play_path
+from rig.loop.shapes import SWEPT_TORQUE, ShapeTerm
 from rig.loop.terms import Entry, Line, line_values
 from rig.loop.tracks import Track
 from sim_backend.model.compliance import LAWS, Compliance, wave_generator_stiffness, wave_generator_torsion
@@ -43,7 +42,11 @@ Floats = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
 ANGLE_PASSES = 2
-"""Rounds in which the predicted angle takes up what the lines add; an error of 1e-4 rad is then known to 1e-8."""
+"""Rounds in which an angle takes up what the lines add; an error of 1e-4 rad is then known to 1e-8."""
+
+READING_ERRORS = {"output_position": Entry.ANGLE_ONLY, "motor_position": Entry.MOTOR_ANGLE}
+LEAST_SHIFT = 1e-3
+"""Where an encoder's own error enters, and the shift of its phase, rad, from which it matters that it shifts itself."""
 
 LEAST_LOAD = 0.05
 """Part of the running friction by which the torque of a turning run must vary before it is a load and not noise."""
@@ -53,9 +56,6 @@ LEAST_LEVEL, MOST_LEVEL = 1e-3, 1e6
 
 LEVEL_PASSES, SETTLED = 40, 1e-6
 """Rounds at most in which a friction takes up the torque that grows with it, and the relative change that ends them."""
-
-LARGEST_TORSION = 1.5
-"""K_F0 C_F f(T) up to which (24) is inverted; it ends at pi/2."""
 
 READING_PASSES = 3
 """Rounds in which a current takes up the reading that it makes."""
@@ -90,14 +90,6 @@ class Model:
     def flexspline_stiffness(self, T: Floats) -> Floats:
         """Give the local stiffness of the flexspline, N*m/rad, under the torque T, N*m."""
         return LAWS[self.table.law].stiffness(T, *self.flexspline)
-
-    def flexspline_torque(self, torsion: Floats) -> Floats:
-        """Give the torque, N*m, at a torsion of the flexspline, rad; (24) is inverted as far as `LARGEST_TORSION`."""
-        if self.table.law is Compliance.ARCTAN:
-            K_F0, C_F = self.flexspline
-            most = LARGEST_TORSION / (K_F0 * C_F)
-            torsion = np.clip(torsion, -most, most)
-        return LAWS[self.table.law].torque(torsion, *self.flexspline)
 
 
 def predict(piece: Piece, model: Model) -> Evaluation:
@@ -140,6 +132,8 @@ def _signals(
     found["output_torque"] = T
     found["flexspline_torsion"] = model.flexspline_torsion(T)
     found["base_friction"] = np.abs(model.value("T_c")) + np.abs(model.value("b") * track.speed)
+    if track.swept_torque is not None:
+        found[SWEPT_TORQUE] = track.swept_torque
     if M is not None:
         found["motor_torque"] = M
         if track.torque_constant is not None:
@@ -153,16 +147,31 @@ def _loaded(signals: dict[str, Floats], T: Floats, torsion: Floats | None = None
     return found if torsion is None else found | {"flexspline_torsion": torsion}
 
 
-def _positions(track: Track, ratio: float | None) -> dict[str, Floats]:
-    """Give the measured angles; one that was not recorded follows from the other through the gear."""
+def _positions(track: Track, model: Model) -> dict[str, Floats]:
+    """Give the angles; one that was not recorded follows from the other through the gear."""
     found = {}
     if track.motor_position is not None:
-        found["motor_position"] = track.motor_position
-        if track.output_position is None and ratio is not None:
-            found["output_position"] = -track.motor_position / ratio
+        found["motor_position"] = _without_reading_error(track.motor_position, "motor_position", model)
+        if track.output_position is None and model.ratio is not None:
+            found["output_position"] = -track.motor_position / model.ratio
     if track.output_position is not None:
-        found["output_position"] = track.output_position
+        found["output_position"] = _without_reading_error(track.output_position, "output_position", model)
     return found
+
+
+def _without_reading_error(reading: Floats, name: str, model: Model) -> Floats:
+    """Take from an encoder's reading (n,) its own error, which goes with the true angle and not with the reading."""
+    own = [
+        line
+        for line in model.lines
+        if line.kind.variable == name
+        and line.kind.entry is READING_ERRORS[name]
+        and line.order * line.amplitude > LEAST_SHIFT
+    ]
+    angle = reading
+    for _ in range(ANGLE_PASSES if own else 0):
+        angle = reading - sum((line_values(line, angle).value for line in own), np.zeros(reading.size))
+    return angle
 
 
 def _everywhere(track: Track) -> NDArray[np.bool_]:
@@ -173,7 +182,7 @@ def _torsion(track: Track, model: Model) -> Evaluation:
     """Evaluate (28); where the angle must be predicted, first without the lines, then with them."""
     N = _ratio(model)
     if track.moves:
-        return _torsion_at(track, model, _positions(track, N))
+        return _torsion_at(track, model, _positions(track, model))
     value = _torsion_at(track, Model(model.table, model.values, N), {}).value
     for _ in range(ANGLE_PASSES if model.lines else 0):
         value = _torsion_at(track, model, _predicted_positions(track, value, N)).value
@@ -297,7 +306,7 @@ def _is_loaded(track: Track, model: Model) -> bool:
 
 def _backdrive(track: Track, model: Model) -> Evaluation:
     N = _ratio(model)
-    positions = _positions(track, N)
+    positions = _positions(track, model)
     added = _added(track, model, positions)
     signals = _signals(track, model, positions, _load(track, model), None)
     load = added.load(signals)
@@ -318,7 +327,7 @@ def _backdrive(track: Track, model: Model) -> Evaluation:
 
 def _locked(track: Track, model: Model) -> Evaluation:
     N = _ratio(model)
-    positions = _positions(track, N)
+    positions = _positions(track, model)
     added = _added(track, model, positions)
     drive = np.zeros(track.size * track.fine) if track.play_drive is None else track.play_drive
     path = play_path(N * drive, N * model.value("T_fs"), track.fine)
@@ -327,8 +336,8 @@ def _locked(track: Track, model: Model) -> Evaluation:
     for _ in range(LEVEL_PASSES if model.lines or model.shapes else 0):
         against = np.repeat(added.motor(signals), track.fine)
         radius = N * _radius(model.value("T_fs"), added.friction(signals), track.fine)
-        path, through_mesh = _held_by_mesh(N * (drive - against), radius, added.behind_mesh(signals), track, model)
-        change, stand_in = np.abs(through_mesh - stand_in).max(initial=0.0), through_mesh
+        path = play_path(N * (drive - against), radius, track.fine)
+        change, stand_in = np.abs(path.output - stand_in).max(initial=0.0), path.output
         signals = _loaded(signals, stand_in)
         if change <= SETTLED * np.abs(stand_in).max(initial=0.0):
             break
@@ -341,7 +350,9 @@ def _locked(track: Track, model: Model) -> Evaluation:
     if np.any(track.acceleration):
         base["J_r"] = inertial
     friction = Route(-N * path.side, last)
-    return Evaluation(value, base, False, carried, Route(ones), friction, signals, stand_in, path.settled, N)
+    # While the mesh sticks the torque keeps what the rotor's ringing and the gear's own errors made of it.
+    known = path.settled & path.sliding
+    return Evaluation(value, base, False, carried, Route(ones), friction, signals, stand_in, known, N)
 
 
 def _motor_reading(track: Track, added: Added, signals: dict[str, Floats], torque: Floats) -> Floats:
@@ -358,22 +369,6 @@ def _motor_reading(track: Track, added: Added, signals: dict[str, Floats], torqu
     return reading
 
 
-def _held_by_mesh(
-    inputs: Floats, radius: Floats | float, error: Floats, track: Track, model: Model
-) -> tuple[PlayPath, Floats]:
-    """Follow the rim of a locked drive under N * motor torque; give its path, and the output torque (N*m, (n,)).
-
-    As long as the rim sticks, f(T) + e stays: the play acts on that angle, between what the friction allows. `error`: e
-    behind the mesh, rad, (n,).
-    """
-    if not np.any(error):
-        path = play_path(inputs, radius, track.fine)
-        return path, path.output
-    lowest, highest = (model.flexspline_torsion(inputs + sign * radius) for sign in (-1.0, 1.0))
-    path = play_path(0.5 * (lowest + highest) + np.repeat(error, track.fine), 0.5 * (highest - lowest), track.fine)
-    return path, model.flexspline_torque(path.output - error)
-
-
 def _radius(level: float, added: Floats | None, fine: int) -> Floats | float:
     """Give the radius of a play whose level grows by `added` (n,), one value for every fine sample."""
     return level if added is None else np.repeat(np.clip(level + added, LEAST_LEVEL * level, MOST_LEVEL * level), fine)
@@ -383,7 +378,7 @@ def _motor(piece: Piece, model: Model) -> Evaluation:
     track = piece.track
     current = piece.equation is Equation.MOTOR_CURRENT
     coulomb, viscous, constant = ("i_c", "i_v", "i_0") if current else ("T_c", "b", "M_0")
-    positions = _positions(track, model.ratio)
+    positions = _positions(track, model)
     added = _added(track, model, positions)
     signals = _signals(track, model, positions, _load(track, model), None)
     load = added.load(signals)
@@ -422,7 +417,7 @@ def _motor(piece: Piece, model: Model) -> Evaluation:
 
 
 def _output(track: Track, model: Model) -> Evaluation:
-    positions = _positions(track, model.ratio)
+    positions = _positions(track, model)
     added = _added(track, model, positions)
     sign, ones, nothing = np.sign(track.speed), np.ones(track.size), np.zeros(track.size)
     signals = _signals(track, model, positions, nothing, None)

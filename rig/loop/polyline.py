@@ -1,15 +1,18 @@
 """A torque that was swept in straight lines, without its noise: knots found, placed and held against the noise.
 
 A play remembers the extremes of its input, so that the noise of a held torque ratchets it on, and a line that runs on
-past a corner sets it for good. Where the whole record is a polyline within its noise, that is what the play gets.
+past a corner sets it for good; what rings answers to the corners. Where the whole record is a polyline within its
+noise, that is what they get.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter, uniform_filter1d
-from scipy.signal import savgol_filter
+
+from rig.loop.noise import noise_and_memory, of_mean
+from rig.loop.smoothing import corners_kept
 
 Floats = NDArray[np.float64]
 
@@ -17,46 +20,42 @@ TOLERANCE, TOLERANCE_COLOURED = 6.3, 4.0
 """By how many standard deviations of the ends of smoothing lines a polyline may miss the smoothed torque before it gets
 a further knot; of a noise that remembers, of a sample, because smoothing leaves most of it."""
 
-MOST_KNOTS, MOST_POINTS = 200, 3000
-"""Knots of a polyline, and means of neighbouring samples that place them."""
+BENT = 6.0
+"""Standard deviations that the slope must change by at a knot, or it is none."""
+
+MOST_KNOTS = 200
 
 SHORTEST = 1.0
 """s that a straight piece lasts on average at least; what bends more often is no polyline."""
 
+SPARE = 4
+"""How many times as many knots splitting may give first: it cuts corners and ends in pieces, which are taken out."""
+
 BLOCK, TYPICAL, WORST = 0.5, 1.5, 6.0
 """s of the blocks whose means judge the polyline; their rms and their largest size, in standard deviations."""
 
-SPANS = (0.6, 2.0, 6.0)
-"""s over which a torque that is no polyline is smoothed by cubics, where it follows them."""
+PASSES, PRUNINGS, SPLITS = 5, 30, 4
+"""Rounds of placing knots, of taking some out, and of splitting again where the polyline misses."""
 
-CUBIC_CENTRE = 2.25
-"""Variance of the centre of a fitted cubic over that of the mean of its samples."""
+LEAST_GAP, CLOSE = 2.0, 20.0
+"""Samples between knots at least, and below which two of them may share one corner."""
 
-SCATTERS, AGREE = 3.0, 4.0
-"""Standard deviations within which samples scatter about a cubic, and cubics of different length agree."""
-
-PASSES = 5
 RIDGE = 1e-10
-NOISE_BLOCK, NOISE_BLOCKS = 0.25, 9
-"""s of a block over which the noise is measured, and the blocks of which the median counts."""
-
-LAGS = (1, 2, 4, 8, 16, 32)
-"""Samples between the three of a second difference: how it grows with them tells how long the noise remembers."""
-
-LONGEST_LAG = 0.35
-"""s: over longer times a swept torque bends by itself."""
-
-COLOURED = 1.4
-"""Ratio of the noise seen at 8 samples to that at 1 beyond which it remembers."""
 
 ROUNDS = 3
 """Times that a noise which remembers is measured anew."""
 
-MEMORIES = (0.7, 0.8, 0.86, 0.9, 0.93, 0.95, 0.96, 0.97, 0.98, 0.985, 0.99)
-"""Correlations of neighbouring samples that are tried."""
 
-MEDIAN_OF_SQUARE = 0.4549
-"""Median of the square of a normal variable of unit variance."""
+@dataclass(frozen=True, slots=True)
+class Polyline:
+    """Knots at the samples `knots` (k,), fractions of one too, and their heights (k,), N*m."""
+
+    knots: Floats
+    heights: Floats
+
+    def at(self, samples: int) -> Floats:
+        """Give the polyline at every sample, N*m, (samples,)."""
+        return np.asarray(np.interp(np.arange(samples, dtype=float), self.knots, self.heights))
 
 
 def polyline(values: Floats, smoothed: Floats, side: int, period: float) -> Floats | None:
@@ -67,96 +66,39 @@ def polyline(values: Floats, smoothed: Floats, side: int, period: float) -> Floa
     n = values.size
     if n < 4 * side:
         return None
+    most = min(round(n * period / SHORTEST) + 2, MOST_KNOTS)
     rest = values
     for _ in range(ROUNDS):
         # what corners add to second differences is gone once a first polyline has been taken off
-        noise, memory = _noise(rest, period)
-        tolerance = TOLERANCE_COLOURED if memory else TOLERANCE * math.sqrt(4.0 / side)
-        knots = _knots(smoothed, tolerance * np.sqrt(np.maximum(noise, 1e-300)))
-        if not noise.all() or len(knots) > min(n * period / SHORTEST + 2, MOST_KNOTS):
+        noise, memory = noise_and_memory(rest, period)
+        if not noise.all():
             return None
-        line = _placed(values, np.array(knots, dtype=float))
+        tolerance = (TOLERANCE_COLOURED if memory else TOLERANCE * math.sqrt(4.0 / side)) * np.sqrt(noise)
+        knots = _split(smoothed, tolerance)
+        if knots.size > SPARE * most:
+            return None
+        found = _pruned(values, knots, noise, memory)
+        for _ in range(SPLITS):
+            missed = _split(corners_kept(values - found.at(n), side), tolerance)
+            further = [knot for knot in missed if np.abs(found.knots - knot).min() > LEAST_GAP]
+            if not further or found.knots.size + len(further) > SPARE * most:
+                break
+            found = _pruned(values, np.sort(np.append(found.knots, further)), noise, memory)
         if not memory:
             break
-        rest = values - line
+        rest = values - found.at(n)
+    if found.knots.size > most:
+        return None
     block = max(round(BLOCK / period), 1)
     whole = n // block * block
-    means = (values - line)[:whole].reshape(-1, block).mean(axis=1)
-    variance = noise[:whole].reshape(-1, block).mean(axis=1) * _of_mean(memory, block)
-    sizes = np.abs(means) / np.sqrt(np.maximum(variance, 1e-300))
+    means = (values - found.at(n))[:whole].reshape(-1, block).mean(axis=1)
+    variance = noise[:whole].reshape(-1, block).mean(axis=1) * of_mean(memory, block)
+    sizes = np.abs(means) / np.sqrt(variance)
     good = np.sqrt(np.mean(sizes**2)) <= TYPICAL and sizes.max(initial=0.0) <= WORST
-    return line if good else None
+    return found.at(n) if good else None
 
 
-def curve(values: Floats, smoothed: Floats, side: int, period: float) -> Floats:
-    """Give `smoothed` (n,) with less noise wherever `values` follow a cubic over longer than `side` on either side.
-
-    A longer cubic counts where the samples scatter about it no more than their noise, and where it agrees with the
-    shorter one.
-    """
-    noise, memory = _noise(values, period)
-    found, least = smoothed.copy(), noise * _of_mean(memory, 2 * side + 1)
-    short = np.sqrt(noise * _of_mean(memory, 4 * side + 1))
-    for width in (2 * round(0.5 * span / period) + 1 for span in SPANS):
-        if not 4 * side < width <= values.size:
-            continue
-        cubic = savgol_filter(values, width, 3)
-        scatter = uniform_filter1d((values - cubic) ** 2, width)
-        variance = CUBIC_CENTRE * noise * _of_mean(memory, width)
-        good = scatter <= noise * (1.0 + SCATTERS * math.sqrt(2.0 / width))
-        good &= np.abs(uniform_filter1d(cubic - smoothed, 4 * side + 1)) <= AGREE * short
-        good &= variance < least
-        found[good], least[good] = cubic[good], variance[good]
-    return found
-
-
-def _noise(values: Floats, period: float) -> tuple[Floats, float]:
-    """Give the variance of the noise around every sample, (n,), and the correlation of neighbouring samples."""
-    memory = _memory(values, period)
-    return noise_variance(values, period) / _second_difference(memory, 1), memory
-
-
-def noise_variance(values: Floats, period: float) -> Floats:
-    """Give the variance of white noise around every sample, shape (n,), from second differences: a slope has none.
-
-    Of short blocks in a row the median counts, so that a corner, which lies in one of them, does not.
-    """
-    bend = values[2:] - 2.0 * values[1:-1] + values[:-2]
-    squares = np.concatenate([bend[:1], bend, bend[-1:]]) ** 2 / 6.0
-    block = max(round(NOISE_BLOCK / period), 1)
-    starts = np.arange(0, max(squares.size - block, 0) + 1, block)
-    means = np.add.reduceat(squares, starts) / np.diff(np.append(starts, squares.size))
-    level = median_filter(means, size=NOISE_BLOCKS, mode="nearest")
-    return np.asarray(np.interp(np.arange(squares.size), starts + 0.5 * block, level))
-
-
-def _memory(values: Floats, period: float) -> float:
-    """Give the correlation of neighbouring samples of the noise, 0 for a white one.
-
-    A slope has no second difference, and the few that span a corner do not move a median.
-    """
-    lags = [lag for lag in LAGS if lag * period <= LONGEST_LAG and values.size > 8 * lag]
-    bends = (values[2 * lag :] - 2.0 * values[lag:-lag] + values[: -2 * lag] for lag in lags)
-    seen = np.array([np.median(bend**2) / (6.0 * MEDIAN_OF_SQUARE) for bend in bends])
-    if len(lags) < 4 or seen[0] <= 0.0 or seen[3] < COLOURED**2 * seen[0]:
-        return 0.0
-    tried = np.array([[_second_difference(memory, lag) for lag in lags] for memory in MEMORIES])
-    misfit = np.log(seen / seen[0]) - np.log(tried / tried[:, :1])
-    return MEMORIES[int(np.argmin((misfit**2).sum(axis=1)))]
-
-
-def _second_difference(memory: float, lag: int) -> float:
-    """Give the variance of a second difference over that of white noise of the same size; 1 without memory."""
-    return (3.0 - 4.0 * memory**lag + memory ** (2 * lag)) / 3.0
-
-
-def _of_mean(memory: float, count: int) -> float:
-    """Give the variance of the mean of `count` samples over that of one."""
-    k = np.arange(1, count)
-    return float((1.0 + 2.0 * np.sum((1.0 - k / count) * memory**k)) / count)
-
-
-def _knots(smoothed: Floats, tolerance: Floats) -> list[int]:
+def _split(smoothed: Floats, tolerance: Floats) -> Floats:
     """Split the record where a straight line misses it most, until none misses it by more than `tolerance` (n,)."""
     found, open_ = {0, smoothed.size - 1}, [(0, smoothed.size - 1)]
     while open_:
@@ -169,38 +111,151 @@ def _knots(smoothed: Floats, tolerance: Floats) -> list[int]:
         if miss[worst] > 1.0:
             found.add(first + worst)
             open_ += [(first, first + worst), (first + worst, last)]
-    return sorted(found)
+    return np.array(sorted(found), dtype=float)
 
 
-def _placed(values: Floats, knots: Floats) -> Floats:
-    """Fit heights and places of the knots by least squares; give the polyline at every sample."""
-    factor = -(-values.size // MOST_POINTS)
-    whole = values.size // factor * factor
-    every = np.arange(values.size, dtype=float)
-    index, values = (x[:whole].reshape(-1, factor).mean(axis=1) for x in (every, values))
-    for _ in range(PASSES):
-        hats = _hats(index, knots)
-        heights = _least_squares(hats, values)
-        if knots.size < 3:
+def _pruned(values: Floats, knots: Floats, noise: Floats, memory: float) -> Polyline:
+    """Place the knots; take out those at which the line does not bend, and one of two that share a corner."""
+    # of a noise that remembers, the mean of many samples varies as if each varied this much more
+    variance = noise * (1.0 + memory) / (1.0 - memory)
+    for _ in range(PRUNINGS):
+        found = _placed(values, knots)
+        bends = _bends(found, variance)
+        idle: list[int] = []
+        for k in np.argsort(bends).tolist():
+            if bends[k] < BENT and all(abs(k - other) > 1 for other in idle):
+                idle.append(k)
+        if not idle:
             break
-        slopes = np.diff(heights) / np.diff(knots)
-        before = index[:, None] < knots[None, 1:-1]
-        columns = -hats[:, 1:-1] * np.where(before, slopes[:-1], slopes[1:])
-        moves = _least_squares(np.hstack([hats, columns]), values - hats @ heights)[knots.size :]
+        knots = np.delete(found.knots, np.array(idle) + 1)
+    return _joined(values, found, variance)
+
+
+def _joined(values: Floats, found: Polyline, variance: Floats) -> Polyline:
+    """Put one knot where the lines on either side of a close pair about meet, wherever that serves as well.
+
+    Two knots that share a corner hold each other in place, and each is needed as long as the other stays.
+    """
+
+    def misfit(line: Polyline) -> float:
+        return float(np.sum((values - line.at(values.size)) ** 2 / variance))
+
+    least, tried = misfit(found), 0.0
+    while True:
+        gaps = np.diff(found.knots)
+        close = [k for k in np.argsort(gaps).tolist() if 0 < k < gaps.size - 1 and tried < gaps[k] < CLOSE]
+        if not close:
+            return found
+        k = close[0]
+        tried = float(gaps[k])
+        bends = np.abs(np.diff(np.diff(found.heights) / gaps))[k - 1 : k + 1]
+        meeting = float(bends @ found.knots[k : k + 2] / bends.sum())
+        one = _placed(values, np.concatenate([found.knots[:k], [meeting], found.knots[k + 2 :]]))
+        if misfit(one) < least + BENT**2:
+            found, least, tried = one, misfit(one), 0.0
+
+
+def _placed(values: Floats, knots: Floats) -> Polyline:
+    """Fit heights and places of the knots by least squares."""
+    for _ in range(PASSES):
+        knots = _apart(knots)
+        line = _fitted(values, knots)
+        if knots.size < 3:
+            return line
+        moves = _moves(values, line)
         gaps = np.diff(knots)
         knots = knots.copy()
         knots[1:-1] += np.clip(moves, -0.3 * gaps[:-1], 0.3 * gaps[1:])
-    return np.asarray(np.interp(every, knots, _least_squares(_hats(index, knots), values)))
+    return _fitted(values, _apart(knots))
 
 
-def _least_squares(columns: Floats, values: Floats) -> Floats:
-    """Solve by scaled normal equations: there are few columns; a knot on a straight line has no place of its own."""
-    scale = np.sqrt(np.maximum((columns**2).sum(axis=0), 1e-300))
-    scaled = columns / scale
-    matrix = scaled.T @ scaled + RIDGE * np.eye(scale.size)
-    return np.asarray(np.linalg.solve(matrix, scaled.T @ values) / scale)
+def _apart(knots: Floats) -> Floats:
+    """Take out knots that lie less than `LEAST_GAP` behind the one before or before the last one."""
+    kept = [float(knots[0])]
+    for knot in knots[1:-1].tolist():
+        if knot - kept[-1] >= LEAST_GAP and knots[-1] - knot >= LEAST_GAP:
+            kept.append(knot)
+    return np.array([*kept, float(knots[-1])])
 
 
-def _hats(index: Floats, knots: Floats) -> Floats:
-    """Give the hat function of every knot at every sample, shape (n, knots)."""
-    return np.column_stack([np.interp(index, knots, unit) for unit in np.eye(knots.size)])
+def _fitted(values: Floats, knots: Floats) -> Polyline:
+    """Fit the heights of the knots."""
+    squares, products = _sums(values, knots)
+    matrix, vector = np.zeros((knots.size, knots.size)), np.zeros(knots.size)
+    _gather(matrix, squares, 0, 0)
+    np.add.at(vector, _ends(knots.size), products)
+    return Polyline(knots, _solved(matrix, vector))
+
+
+def _moves(values: Floats, line: Polyline) -> Floats:
+    """Give by how many samples the inner knots (k - 2,) must move, the heights being free."""
+    squares, products = _sums(values, line.knots)
+    count, slopes = line.knots.size, -np.diff(line.heights) / np.diff(line.knots)
+    matrix, vector = np.zeros((2 * count, 2 * count)), np.zeros(2 * count)
+    ends, turned = _ends(count), slopes[:, None, None]
+    for row, column, blocks in (
+        (0, 0, squares),
+        (0, count, turned * squares),
+        (count, 0, turned * squares),
+        (count, count, turned**2 * squares),
+    ):
+        _gather(matrix, blocks, row, column)
+    np.add.at(vector, ends, products)
+    np.add.at(vector, ends + count, slopes[:, None] * products)
+    free = np.delete(np.arange(2 * count), [count, 2 * count - 1])
+    return _solved(matrix[np.ix_(free, free)], vector[free])[count:]
+
+
+def _ends(count: int) -> NDArray[np.intp]:
+    """Give the two knots of every piece, (count - 1, 2)."""
+    return np.asarray(np.arange(count - 1)[:, None] + np.array([0, 1]))
+
+
+def _gather(matrix: Floats, blocks: Floats, row: int, column: int) -> None:
+    """Add the blocks (k - 1, 2, 2) of the pieces to a matrix of all knots, from `row` and `column` on."""
+    ends = _ends(blocks.shape[0] + 1)
+    np.add.at(matrix, (row + ends[:, :, None], column + ends[:, None, :]), blocks)
+
+
+def _sums(values: Floats, knots: Floats) -> tuple[Floats, Floats]:
+    """Give the sums of products of the two hat functions of every piece, (k - 1, 2, 2), and with `values`, (k - 1, 2).
+
+    Within a piece the hats are 1 - u and u, with u from 0 to 1.
+    """
+    first = np.ceil(knots[:-1]).astype(np.intp)
+    count = np.diff(np.append(first, values.size)).astype(float)
+    index = np.arange(values.size, dtype=float)
+    gaps, start = np.diff(knots), first - knots[:-1]
+    # of samples at start, start + 1, ... behind the knot
+    linear = count * start + 0.5 * count * (count - 1.0)
+    square = count * start**2 + start * count * (count - 1.0) + (count - 1.0) * count * (2.0 * count - 1.0) / 6.0
+    u, uu = linear / gaps, square / gaps**2
+    squares = np.stack([np.stack([count - 2.0 * u + uu, u - uu], -1), np.stack([u - uu, uu], -1)], -2)
+    total, moment = np.add.reduceat(values, first), np.add.reduceat(values * index, first)
+    rising = (moment - knots[:-1] * total) / gaps
+    return squares, np.stack([total - rising, rising], -1)
+
+
+def _solved(matrix: Floats, vector: Floats) -> Floats:
+    """Solve scaled normal equations; a knot on a straight line has no place of its own."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix / np.outer(scale, scale) + RIDGE * np.eye(scale.size)
+    return np.asarray(np.linalg.solve(scaled, vector / scale) / scale)
+
+
+def _bends(line: Polyline, variance: Floats) -> Floats:
+    """Give the change of slope at every inner knot in standard deviations, (k - 2,), for a noise of `variance` (n,)."""
+    count, rates = line.knots.size, 1.0 / np.diff(line.knots)
+    squares, products = _sums(variance, line.knots)
+    # mean variance of a piece: the two hats add up to one
+    typical = products.sum(axis=1) / squares.sum(axis=(1, 2))
+    information = np.zeros((count, count))
+    _gather(information, squares / typical[:, None, None], 0, 0)
+    covariance = np.linalg.inv(information + RIDGE * np.diag(np.diag(information)))
+    inner = np.arange(1, count - 1)
+    change = np.zeros((inner.size, count))
+    change[inner - 1, inner - 1] = rates[:-1]
+    change[inner - 1, inner + 1] = rates[1:]
+    change[inner - 1, inner] = -rates[:-1] - rates[1:]
+    deviations = np.sqrt(np.einsum("ij,jk,ik->i", change, covariance, change))
+    return np.asarray(np.abs(change @ line.heights) / deviations)

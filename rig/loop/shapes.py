@@ -25,6 +25,9 @@ from sim_backend.model.effects import CATALOGUE, Effect, Enters, Shape
 
 Floats = NDArray[np.float64]
 
+SWEPT_TORQUE = "swept_torque"
+"""Name of the polyline that the output torque follows, beside the signals of the contract; several values a sample."""
+
 DIFFERENCE = 1e-4
 """Relative step of a parameter over which a derivative is taken."""
 
@@ -163,22 +166,32 @@ def addition(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> Flo
     """Give what the term adds, shape (n,), in its unit; None where a signal it takes was not recorded."""
     if any(name not in signals for name in term.effect.signals):
         return None
-    return evaluate(term.effect, signals, term.values, step=step)
+    return _ringing(term, signals, step) if term.frequencies else evaluate(term.effect, signals, term.values, step=step)
+
+
+def _ringing(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> Floats | None:
+    """Give the addition of what the corners of the output torque set ringing; None where it has none that are known.
+
+    Noise would set it ringing too, and samples averaged before would bend where the torque has a corner.
+    """
+    if SWEPT_TORQUE not in signals:
+        return None
+    fast = signals[SWEPT_TORQUE]
+    fine = fast.size // signals["output_torque"].size
+    added = evaluate(term.effect, {"output_torque": fast}, term.values, step=step / fine)
+    return np.asarray(added.reshape(-1, fine).mean(axis=1))
 
 
 def derivatives(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> list[Floats] | None:
     """Give the derivative of the addition by every free parameter, each (n,), in the scale of the fit."""
-    if addition(term, signals, step) is None:
-        return None
     found = []
     for k in term.free:
         parameter = term.effect.parameters[k]
         width = DIFFERENCE * max(abs(term.values[k]), 1e-2 * abs(parameter.typical))
-        up, down = (_with(term, k, term.values[k] + sign * width) for sign in (1.0, -1.0))
-        difference = evaluate(up.effect, signals, up.values, step=step) - evaluate(
-            down.effect, signals, down.values, step=step
-        )
-        found.append(difference / (2.0 * width) * (term.values[k] if term.is_logarithmic(k) else 1.0))
+        up, down = (addition(_with(term, k, term.values[k] + sign * width), signals, step) for sign in (1.0, -1.0))
+        if up is None or down is None:
+            return None
+        found.append((up - down) / (2.0 * width) * (term.values[k] if term.is_logarithmic(k) else 1.0))
     return found
 
 

@@ -17,8 +17,9 @@ from scipy.signal import savgol_filter
 
 from rig.config.dut import Dut, Rotation
 from rig.log.run import ProcedureName, Run
-from rig.loop.polyline import curve, noise_variance, polyline
+from rig.loop.polyline import polyline
 from rig.loop.ripple import Ripple, speed_ripple
+from rig.loop.smoothing import corners_kept, curve, straightened
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -26,18 +27,8 @@ Flags = NDArray[np.bool_]
 SMOOTHING = 0.02
 """s over which a run that does not turn is averaged for the fit; quasi-static sweeps change over seconds."""
 
-SPRING_SIDES = (0.025, 0.1, 0.3, 1.0, 3.0)
-"""s on either side over which torques are smoothed by straight lines before they enter a spring: at least the first,
-and wherever the torque is straight enough the longest."""
-
 PLAY_SIDE = 0.1
-"""The same before they enter a play, unless the whole torque is a polyline."""
-
-STRAIGHT = 6.0
-"""Standard deviations by which the scatter about a line may exceed the noise."""
-
-AGREE = 5.0
-"""Standard deviations within which a longer line must agree with the shortest."""
+"""s on either side over which torques are smoothed before they enter a play, unless the whole torque is a polyline."""
 
 SPEED_BAND = 0.08
 """A sample belongs to a leg if its speed is within this share of the leg's speed."""
@@ -60,9 +51,6 @@ RINGING = 0.025
 FEWEST_TO_BEND = 7
 """Samples under such a quartic."""
 
-MIN_SIDE = 4
-"""Samples on a side without which torques are left as they are."""
-
 MOVES = 1.0
 """rad of travel at the motor beyond which a run turns; a locked sweep at rated torque makes 0.33 rad."""
 
@@ -82,6 +70,7 @@ class Track:
 
     `motor_position`, `output_position` rad; `T` and `M`: output and motor torque (N*m) as inputs of the springs,
     smoothed; `play_load`, `play_drive` (n * fine,) as inputs of a play, smoothed more and never thinned;
+    `swept_torque` (n * fine,): the polyline that the output torque follows, never thinned, None where it follows none;
     `output_torque`, `motor_torque` as recorded, `motor_current` (A) where it cannot be turned into a torque.
     `ripple`: how the rotor of a free run moves about its constant speed. `speed`: rad/s of the leg at the motor (at
     the output if only that is known), 0 outside legs; `acceleration`: rad/s^2 of the same shaft;
@@ -102,6 +91,7 @@ class Track:
     M: Floats | None
     play_load: Floats | None
     play_drive: Floats | None
+    swept_torque: Floats | None
     output_torque: Floats | None
     motor_torque: Floats | None
     motor_current: Floats | None
@@ -164,8 +154,7 @@ def make_track(run: Run, dut: Dut) -> Track:
         output_torque, motor_torque = _alive(output_torque), _alive(motor_torque)
     turning = run.procedure in (ProcedureName.FREE_RUN, ProcedureName.BACKDRIVE)
     held = not turning and float(np.median(np.abs(speed))) < HELD_SPEED and motor_position is not None
-    load_of_spring, load_of_play = (None, None) if moves else _swept(output_torque, period)
-    drive_of_spring, drive_of_play = (None, None) if moves else _swept(motor_torque, period)
+    load, drive = _swept(output_torque, period), Swept() if moves else _swept(motor_torque, period)
     return Track(
         name=run.name,
         procedure=run.procedure,
@@ -175,10 +164,11 @@ def make_track(run: Run, dut: Dut) -> Track:
         fine=1,
         motor_position=motor_position,
         output_position=output_position,
-        T=_over_turns(output_torque, leg_speed, period) if moves else load_of_spring,
-        M=motor_torque if moves else drive_of_spring,
-        play_load=load_of_play,
-        play_drive=drive_of_play,
+        T=_over_turns(output_torque, leg_speed, period) if moves else load.spring,
+        M=motor_torque if moves else drive.spring,
+        play_load=None if moves else load.play,
+        play_drive=drive.play,
+        swept_torque=load.line,
         output_torque=output_torque,
         motor_torque=motor_torque,
         motor_current=current,
@@ -224,6 +214,7 @@ def thin_track(track: Track) -> Track:
         M=mean(track.M),
         play_load=whole(track.play_load),
         play_drive=whole(track.play_drive),
+        swept_torque=whole(track.swept_torque),
         output_torque=mean(track.output_torque),
         motor_torque=mean(track.motor_torque),
         motor_current=mean(track.motor_current),
@@ -251,6 +242,7 @@ def pick_rows(track: Track, rows: NDArray[np.intp]) -> Track:
         M=pick(track.M),
         play_load=pick(track.play_load),
         play_drive=pick(track.play_drive),
+        swept_torque=None,
         output_torque=pick(track.output_torque),
         motor_torque=pick(track.motor_torque),
         motor_current=pick(track.motor_current),
@@ -285,62 +277,27 @@ def _ripple(run: Run, position: Floats | None, torque: Floats | None, leg_speed:
     return speed_ripple(run.time, position, torque, leg_speed)
 
 
-def _smooth(values: Floats, period: float, sides: tuple[float, ...]) -> Floats:
-    """Smooth a torque by straight lines over the longest of `sides` (s) that takes nothing but noise away.
+@dataclass(frozen=True, slots=True)
+class Swept:
+    """A torque (n,) as springs and as plays take it, and the polyline that it follows; None where there is none."""
 
-    Noise of a torque is in what it predicts, so that an effect that follows the torque less noisily would be found for
-    it. A longer line counts where the samples scatter about it no more than about their neighbours, and where it agrees
-    with the shortest.
-    """
-    if values.size < FEWEST_TO_BEND:
-        return values
-    first = round(sides[0] / period)
-    smoothed = _corners_kept(values, first)
-    noise = noise_variance(values, period)
-    least = noise / (1.0 if smoothed is values else 2.0 * first + 1.0)
-    best, best_variance = smoothed.copy(), least.copy()
-    for side in (round(side / period) for side in sides[1:]):
-        if side < MIN_SIDE or values.size <= 2 * side:
-            continue
-        for low, high, share in ((-side, side, 1.0), (-side, 0, 4.0), (0, side, 4.0)):
-            line, scatter, count = _straight(values, low, high)
-            variance = share * noise / count
-            good = scatter <= noise * (1.0 + STRAIGHT * np.sqrt(2.0 / count))
-            good &= np.abs(line - smoothed) <= AGREE * (np.sqrt(least) + np.sqrt(variance))
-            good &= variance < best_variance
-            best[good], best_variance[good] = line[good], variance[good]
-    return best
+    spring: Floats | None = None
+    play: Floats | None = None
+    line: Floats | None = None
 
 
-def _swept(values: Floats | None, period: float) -> tuple[Floats | None, Floats | None]:
-    """Give a torque as springs and as plays take it: the polyline that it follows, or smoothed each in its own way."""
+def _swept(values: Floats | None, period: float) -> Swept:
+    """Take the noise from a torque: by the polyline that it follows, or by smoothing for each in its own way."""
     if values is None:
-        return None, None
+        return Swept()
     side = round(PLAY_SIDE / period)
-    smoothed = _corners_kept(values, side)
+    smoothed = corners_kept(values, side)
     if smoothed is values:
-        return _smooth(values, period, SPRING_SIDES), values
+        return Swept(straightened(values, period), values)
     line = polyline(values, smoothed, side, period)
     if line is not None:
-        return line, line
-    return _smooth(values, period, SPRING_SIDES), curve(values, smoothed, side, period)
-
-
-def _corners_kept(values: Floats, side: int) -> Floats:
-    """Smooth by straight lines fitted before, around and after each sample, the better fitting ones weighing more.
-
-    A mean across the corner of a triangle cuts the corner: there only the line on the sample's own side fits. `side`:
-    samples on either side.
-    """
-    if side < MIN_SIDE or values.size <= 2 * side:
-        return values
-    before, around, after = (_straight(values, low, high) for low, high in ((-side, 0), (-side, side), (0, side)))
-    scatter = np.stack([before[1], around[1], after[1]])
-    least = np.maximum(scatter.min(axis=0), 1e-300)
-    # the variance of a fitted end point is four times, that of a centre once the mean's over half as many samples
-    weight = np.array([0.25, 2.0, 0.25])[:, None] * np.exp(-0.5 * side * (scatter / least - 1.0))
-    smoothed = (weight * np.stack([before[0], around[0], after[0]])).sum(axis=0) / weight.sum(axis=0)
-    return np.asarray(smoothed)
+        return Swept(line, line, line)
+    return Swept(straightened(values, period), curve(values, smoothed, side, period))
 
 
 def _over_turns(values: Floats | None, leg_speed: Floats, period: float) -> Floats | None:
@@ -355,26 +312,6 @@ def _over_turns(values: Floats | None, leg_speed: Floats, period: float) -> Floa
             width = max(1, min(width, stop - start))
             averaged[start:stop] = uniform_filter1d(values[start:stop], width, mode="reflect")
     return averaged
-
-
-def _straight(values: Floats, low: int, high: int) -> tuple[Floats, Floats, Floats]:
-    """Fit a line to the samples from k+low to k+high around every k.
-
-    Gives its value at k, the variance of the residual, and to how many samples it was fitted; each (n,).
-    """
-    n = values.size
-    k = np.arange(n)
-    first, last = np.clip(k + low, 0, n - 3), np.clip(k + high, 2, n - 1)
-    first, last = np.minimum(first, last - 2), np.maximum(last, first + 2)
-    offset = values - values.mean()
-    sums = [np.concatenate([[0.0], np.cumsum(x)]) for x in (offset, offset * k, offset**2)]
-    count = (last - first + 1).astype(float)
-    y, ty, yy = (s[last + 1] - s[first] for s in sums)
-    middle = 0.5 * (first + last)
-    spread = count * (count**2 - 1.0) / 12.0
-    slope = (ty - middle * y) / spread
-    variance = np.maximum(yy - y**2 / count - slope**2 * spread, 0.0) / np.maximum(count - 2.0, 1.0)
-    return values.mean() + y / count + slope * (k - middle), variance, count
 
 
 def _saturated(run: Run) -> Flags:

@@ -1,0 +1,64 @@
+"""Torques that were swept in straight lines: what is left of their noise, and where their corners are found."""
+
+import numpy as np
+import pytest
+
+from rig.loop.polyline import polyline
+from rig.loop.smoothing import corners_kept
+
+NOISE = 0.02
+"""N*m."""
+
+
+def found(torque, period, seed, noise=NOISE):
+    """Give the polyline found under white noise, and the torque with that noise."""
+    noisy = torque + np.random.default_rng(seed).normal(0.0, noise, torque.size)
+    side = round(0.1 / period)
+    return polyline(noisy, corners_kept(noisy, side), side, period), noisy
+
+
+def ladder(time):
+    """Loads that change within a second every seven seconds: 75 corners in 262 s."""
+    starts = np.arange(0.0, time[-1], 7.0)
+    levels = np.resize([0.0, 6.0, -6.0, 11.0, -11.0], starts.size)
+    return np.interp(time, np.sort(np.concatenate([starts, starts + 6.0])), np.repeat(levels, 2))
+
+
+def triangle(time):
+    """Give a sweep to 12 N*m and back with a hold at the top."""
+    return np.interp(time, [0.0, 5.0, 9.0, 16.0, 24.0, 28.0], [0.0, 0.0, 12.0, 12.0, -12.0, 0.0])
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(("shape", "seconds", "corners"), [(ladder, 262.0, 75), (triangle, 28.0, 4)])
+@pytest.mark.parametrize("rate", [100.0, 1000.0])
+def test_a_polyline_is_found_with_little_of_its_noise(shape, seconds, corners, rate, seed):
+    time = np.arange(0.0, seconds, 1.0 / rate)
+    line, _ = found(shape(time), 1.0 / rate, seed)
+    assert line is not None
+    # two numbers for every corner are estimated from all samples
+    least = NOISE * np.sqrt(2.0 * (corners + 1) / time.size)
+    assert np.sqrt(np.mean((line - shape(time)) ** 2)) < 1.6 * least
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_corner_is_placed_to_a_fraction_of_a_sample(seed):
+    time = np.arange(0.0, 28.0, 0.01)
+    torque = triangle(time + 0.0037)
+    line, _ = found(torque, 0.01, seed)
+    assert line is not None
+    for corner in (5.0, 9.0, 16.0):
+        near = np.abs(time - corner) < 0.2
+        assert np.abs(line - torque)[near].max() < 0.6 * NOISE
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_sine_is_no_polyline(seed):
+    time = np.arange(0.0, 60.0, 0.01)
+    line, _ = found(12.0 * np.sin(0.2 * time), 0.01, seed)
+    assert line is None
+
+
+def test_a_torque_without_noise_has_none_to_lose():
+    line, _ = found(triangle(np.arange(0.0, 28.0, 0.01)), 0.01, 0, noise=0.0)
+    assert line is None
