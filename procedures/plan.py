@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from drivers.errors import ConfigError, Mistake
+from drivers.errors import ConfigError, Mistake, did_you_mean
 from drivers.types import Limits
 from procedures.intents import Result, Steps
 
@@ -137,8 +137,8 @@ def build_parameters(procedure: Procedure, settings: dict[str, str]) -> Any:
         path = f"{procedure.name}.{_shown(name)}"
         info = table.get(name)
         if info is None:
-            known = ", ".join(table)
-            mistakes.append(Mistake(path, _shown(text), f"no such parameter; {procedure.name} has {known}"))
+            rule = f"no such parameter{did_you_mean(name, table)}; {procedure.name} has {', '.join(table)}"
+            mistakes.append(Mistake(path, _shown(text), rule))
             continue
         try:
             values[name] = _read(text, info)

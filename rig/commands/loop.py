@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from drivers.errors import ConfigError, Mistake
+from drivers.errors import ConfigError, Mistake, did_you_mean
 from rig.config.dut import Dut, load_dut
 from rig.config.toml_file import parse_toml
 from rig.log.load import load_runs
@@ -66,7 +66,8 @@ def loop_command(paths: tuple[Path, ...], options: LoopCommand) -> None:
 
 def _law(name: str | None) -> Compliance | None:
     if name is not None and name not in list(Compliance):
-        raise ConfigError("--compliance", [Mistake("--compliance", name, f"expected one of {', '.join(Compliance)}")])
+        rule = f"expected one of {', '.join(Compliance)}{did_you_mean(name, Compliance)}"
+        raise ConfigError("--compliance", [Mistake("--compliance", name, rule)])
     return None if name is None else Compliance(name)
 
 

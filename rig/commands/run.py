@@ -9,14 +9,13 @@ from rich.console import Console
 from rich.table import Table
 
 from drivers.clock import Clock, RealClock
-from drivers.errors import ConfigError, LimitError, Mistake
+from drivers.errors import ConfigError, LimitError, Mistake, did_you_mean
 from procedures.intents import Measurement, Result
 from procedures.plan import PlannedRun, build_parameters
 from procedures.registry import PROCEDURES
 from rig.bench import Bench, FixtureLock
 from rig.config.bench import BenchFile, Lock, load_bench, naming_the_bench
 from rig.config.dut import Dut, default_dut, load_dut
-from rig.config.toml_file import did_you_mean
 from rig.log.load import load_run
 from rig.loop.model_file import Model
 from rig.loop.model_storage import load_model

@@ -246,7 +246,12 @@ def test_a_simulated_plant_that_is_lost_is_a_bench_fault_with_code_3_and_a_compl
     ("arguments", "words"),
     [
         (["run", "locked-outputs"], ["locked-outputs", "there are"]),
-        (["run", "free-run", "--set", "free-run.sped=3"], ["free-run.sped", "no such parameter"]),
+        (
+            ["run", "free-run", "--set", "free-run.sped=3"],
+            ["free-run.sped", "no such parameter (did you mean speeds?)"],
+        ),
+        (["loop", ".", "--compliance", "arctn"], ["expected one of arctan", "did you mean arctan?"]),
+        (["export", ".", "--to", "hdf"], ["expected one of hdf5", "did you mean hdf5?"]),
         (["run", "free-run", "--set", "free-run.dwell=-1"], ["free-run.dwell", "out of range"]),
         (["run", "free-run", "--set", "free-run.dwell=long"], ["free-run.dwell", "number"]),
         (["run", "free-run", "--set", "dwell=1"], ["PROCEDURE.NAME=VALUE"]),

@@ -73,6 +73,13 @@ def test_the_names_in_the_refusal_are_names():
     assert [item for name in papers for item in choose([name])] == list(ITEMS)
 
 
+def test_a_misspelt_name_is_answered_with_one_that_is_near():
+    with pytest.raises(ConfigError, match=r"unknown \(did you mean castejon2009\?\)"):
+        choose(["casteon2009"])
+    with pytest.raises(ConfigError, match=r"unknown \(did you mean zhang2014/fig14"):
+        choose(["zang2014/fig14"])
+
+
 def test_a_row_s_command_names_its_own_part_of_the_item():
     *_, laws = SOME
     assert command(laws, Row("K", None, 1.0, item="eq. (33)")) == "rig papers two2002/eq33"
