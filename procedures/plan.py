@@ -103,8 +103,9 @@ class ParameterInfo:
 def parameter(default: Any, unit: str, low: float, high: float, meaning: str) -> Any:
     """Declare a field of a parameter class: default, unit, inclusive range, meaning.
 
-    A default of None stands for "from the device under test"; its type is then float. A tuple default takes a
-    comma-separated list, the range holding for every entry. A bool or str default ignores the range.
+    A default of None stands for "from dut": worked out from the device under test as the meaning says; its type is then
+    float. A tuple default takes a comma-separated list, the range holding for every entry. A bool or str default
+    ignores the range.
     """
     return dataclasses.field(default=default, metadata={"unit": unit, "low": low, "high": high, "meaning": meaning})
 

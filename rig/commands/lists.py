@@ -15,6 +15,12 @@ from procedures.registry import PROCEDURES
 from rig.terminal import emit, shortened
 from sim_backend.model.effects import CATALOGUE, Effect, Energy, Enters
 
+DEFAULTS = (
+    "Default 'from dut': worked out from the dut file as the meaning says; what the file lacks is assumed, and told "
+    "before the run. Default 'empty': no values; the meaning says what happens then."
+)
+"""What stands below the tables, for the words in their column of defaults."""
+
 
 def list_procedures(as_json: bool) -> None:
     """Print every procedure with its parameters, units and ranges."""
@@ -56,7 +62,7 @@ def list_procedures(as_json: bool) -> None:
         for info in parameter_table(procedure.parameters):
             table.add_row(info.name, _default(info), _range(info), info.unit, info.meaning)
         console.print(table)
-    console.print("\nSet one with --set PROCEDURE.PARAMETER=VALUE.", highlight=False)
+    console.print(f"\n{DEFAULTS}\nSet one with --set PROCEDURE.PARAMETER=VALUE.", highlight=False)
 
 
 def list_devices(as_json: bool) -> None:
@@ -208,7 +214,7 @@ def _default(info: ParameterInfo) -> str:
     if info.default is None:
         return "from dut"
     if isinstance(info.default, tuple):
-        return ",".join(f"{value:g}" for value in info.default) or "none"
+        return ",".join(f"{value:g}" for value in info.default) or "empty"
     return f"{info.default:g}" if isinstance(info.default, float) else str(info.default)
 
 

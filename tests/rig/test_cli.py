@@ -296,6 +296,17 @@ def test_an_error_is_json_too_where_json_is_asked_for(arguments):
     assert error["message"] in answer.stderr
 
 
+def test_the_procedures_say_where_a_default_comes_from():
+    words = " ".join(rig("procedures").stdout.split())
+    for told in (
+        "torque_max from dut ",
+        "from dut: 4 starting torques",
+        "speeds empty ",
+        "Default 'from dut': worked out",
+    ):
+        assert told in words
+
+
 def test_without_a_command_there_is_help():
     answer = rig()
     assert answer.exit_code == 0
