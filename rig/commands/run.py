@@ -32,6 +32,7 @@ from rig.session import (
     bench_facts,
     margin_table,
     plan_jobs,
+    run_count,
     run_jobs,
 )
 from rig.simulation import as_simulated, simulate
@@ -222,18 +223,26 @@ def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Mode
         told = ", ".join(f"{text} at {time:.1f}" for time, text in phases[record.file.stem])
         table.add_row(f"{record.procedure}-{record.name}", f"{record.outcome.duration:.1f}", told, extremes)
     Console().print(table)
-    tell(f"{len(records)} runs took {length(duration)} of bench time")
+    moves = sum(record.set_up for record in records)
+    tell(f"{counted(len(records) - moves, moves)} took {length(duration)} of bench time")
     for line in assumed:
         tell(f"assumed: {line}")
 
 
 def planned_time(plans: Plans) -> str:
     """Say how many runs there will be and how long they will take on the bench, set-up moves included."""
-    runs = sum(not run.set_up for _, plan in plans for run in plan)
+    runs = run_count(plans)
+    moves = sum(len(plan) for _, plan in plans) - runs
     seconds = [sum(run.duration for run in plan) for _, plan in plans]
     parts = ", ".join(f"{job.procedure.name} {length(s)}" for (job, _), s in zip(plans, seconds, strict=True))
     each = f" ({parts})" if len(plans) > 1 else ""
-    return f"Planned: {runs} run{'s' if runs != 1 else ''}, {length(sum(seconds))} of bench time{each}"
+    return f"Planned: {counted(runs, moves)}, {length(sum(seconds))} of bench time{each}"
+
+
+def counted(runs: int, moves: int) -> str:
+    """Give the number of runs and, where there are any, of moves that set the bench up for them."""
+    set_up = f" with {moves} set-up move{'s' if moves != 1 else ''}" if moves else ""
+    return f"{runs} run{'s' if runs != 1 else ''}{set_up}"
 
 
 def length(seconds: float) -> str:
@@ -255,7 +264,8 @@ class _Teller:
 
     def on_run(self, procedure: str, planned: PlannedRun, number: int, of: int) -> None:
         """Name the run."""
-        self._run, self._duration, self._told = f"{procedure} {number}/{of}: {planned.name}", planned.duration, 0.0
+        place = f"before run {number}/{of}" if planned.set_up else f"run {number}/{of}"
+        self._run, self._duration, self._told = f"{procedure}, {place}: {planned.name}", planned.duration, 0.0
         if self._status is not None:
             self._status.start()
             self._status.update(self._run)

@@ -150,25 +150,29 @@ def test_the_planned_time_of_all_runs_is_told_before_they_start(tmp_path):
     plan = next(line for line in lines if line.startswith("Planned"))
     further = lines[lines.index(plan) + 1 :]
     planned = re.fullmatch(
-        r"Planned: (\d+) runs, (\d+) s of bench time \(locked-output (\d+) s, backdrive (\d+) s\)", plan
+        r"Planned: (\d+) runs with \d+ set-up moves?, (\d+) s of bench time "
+        r"\(locked-output (\d+) s, backdrive (\d+) s\)",
+        plan,
     )
     took = sum(float(line.split()[1]) for line in further if line.startswith("done"))
     assert int(planned[1]) == sum(line.startswith("done") for line in further) == 2
-    # set-up moves are planned, but not told as runs
+    numbers = [line.split(":")[0] for line in further if ", run " in line]
+    assert numbers == ["locked-output, run 1/2", "backdrive, run 2/2"]
     assert 0.8 * took < float(planned[2]) < 2 * took
     assert float(planned[2]) == pytest.approx(float(planned[3]) + float(planned[4]), abs=1.5)
 
 
 def test_a_dry_run_tells_the_planned_time_before_it_starts(tmp_path):
     answer = rig("run", "backdrive", *SHORT_BACKDRIVE, "--dry-run")
-    assert answer.stderr.startswith("Planned: 1 run, ")
+    assert answer.stderr.startswith("Planned: 1 run with 1 set-up move, ")
+    assert "\n1 run with 1 set-up move took " in answer.stderr
 
 
 def test_without_a_terminal_a_long_run_tells_how_far_it_is(tmp_path):
     settings = ["backdrive.dwell=70", "backdrive.start_angles=1", "backdrive.repeats=1", "backdrive.amplitudes=0.2"]
     answer = rig("run", "backdrive", *(word for text in settings for word in ("--set", text)), "-o", tmp_path)
     assert answer.exit_code == 0, answer.stderr
-    lines = [line for line in answer.stderr.splitlines() if line.startswith("backdrive ")]
+    lines = [line for line in answer.stderr.splitlines() if line.startswith("backdrive, run 1/1: ")]
     assert len(lines) >= 2
     assert re.search(r"dwell, 60 of about \d+ s", lines[1])
 
