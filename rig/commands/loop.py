@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from rich.console import Console
@@ -18,7 +18,7 @@ from rig.loop.model_storage import load_model, write_model
 from rig.loop.plot import plot_loop
 from rig.loop.predict import write_predictions
 from rig.loop.result import LoopResult
-from rig.loop.table import headline, statements, table_of, text_of
+from rig.loop.table import headline, remaining_table, statements, table_of, text_of
 from rig.loop.trace import trace
 from rig.terminal import emit, tell
 from sim_backend.model.compliance import Compliance
@@ -72,14 +72,16 @@ def _law(name: str | None) -> Compliance | None:
 
 
 def predict_command(model_file: Path, paths: tuple[Path, ...], out: Path, as_json: bool) -> None:
-    """Write the model's predictions for every run."""
+    """Write the model's predictions for every run; print the files and the rms of what remains."""
     model = load_model(model_file)
     written = write_predictions(load_runs(paths), model, out)
     if as_json:
-        emit({"files": [str(path) for path in written]})
+        residuals = [{"run": one.run, **asdict(item)} for one in written for item in one.remaining]
+        emit({"files": [str(one.file) for one in written], "residuals": residuals})
         return
-    for path in written:
-        print(path)
+    for one in written:
+        print(one.file)
+    Console().print(remaining_table(written))
 
 
 def dut_of(runs: Sequence[Run]) -> Dut:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from drivers.errors import ConfigError
 from rig.loop.campaign import LoopOptions
@@ -13,7 +14,7 @@ from rig.loop.model_storage import load_model, write_model
 from rig.loop.plot import plot_loop
 from rig.loop.predict import predict_run, write_predictions
 from rig.loop.result import LoopResult
-from rig.loop.table import text_of
+from rig.loop.table import remaining_table, text_of
 from rig.loop.trace import trace
 from tests.rig.loop.runs import dut, turning_run
 
@@ -61,8 +62,8 @@ def test_the_predicted_motor_torque_does_not_depend_on_the_measured_one() -> Non
 
 
 def test_predictions_are_written_under_the_contract_names(tmp_path: Path) -> None:
-    (path,) = write_predictions([turning_run("d", 7)], result().model, tmp_path)
-    header = path.read_text().splitlines()[0].split(",")
+    (written,) = write_predictions([turning_run("d", 7)], result().model, tmp_path)
+    header = written.file.read_text().splitlines()[0].split(",")
     assert header[:5] == [
         "time[s]",
         "torsion_predicted[rad]",
@@ -70,6 +71,23 @@ def test_predictions_are_written_under_the_contract_names(tmp_path: Path) -> Non
         "motor_torque_predicted[N*m]",
         "motor_torque_residual[N*m]",
     ]
+
+
+def test_what_remains_of_each_equation_is_the_rms_of_the_file_s_own_samples_that_count(tmp_path: Path) -> None:
+    (written,) = write_predictions([turning_run("d", 7)], result().model, tmp_path)
+    columns = np.genfromtxt(written.file, delimiter=",", names=True, deletechars="")
+    torque = next(item for item in written.remaining if item.equation == "motor-torque")
+    counts = columns["motor_torque_settling[1]"] == 0.0
+    residual = columns["motor_torque_residual[N*m]"][counts]
+    assert torque.rms == pytest.approx(np.sqrt(np.mean(residual**2)), rel=1e-6)
+    assert torque.rms == pytest.approx(2e-4, rel=0.1)  # the white noise
+    assert torque.share == pytest.approx(np.mean(counts))
+    table = Console(width=100)
+    with table.capture() as printed:
+        table.print(remaining_table([written]))
+    row = next(line.split() for line in printed.get().splitlines() if "motor-torque" in line)
+    assert row[:2] == [written.run, "motor-torque"]
+    assert row[2:4] == [f"{torque.rms * 1e3:.4g}", "mN*m"]
 
 
 def test_the_table_gives_before_after_and_floor_of_every_equation() -> None:
