@@ -15,6 +15,7 @@ from procedures.plan import PlannedRun, build_parameters
 from procedures.registry import PROCEDURES
 from rig.bench import Bench, FixtureLock
 from rig.config.bench import BenchFile, Lock, load_bench, naming_the_bench
+from rig.config.catalogue import doubts
 from rig.config.dut import Dut, default_dut, load_dut
 from rig.log.load import load_run
 from rig.loop.model_file import Model
@@ -91,6 +92,8 @@ def run_command(names: tuple[str, ...], options: RunOptions, dry_run: bool) -> N
     with naming_the_bench(options.bench), Stop().listening() as stop:
         bench, operator, backend, assumed = _make_bench(bench_file, dut, model, options)
         planned = planned_time(plan_jobs(bench_facts(bench, dut), jobs))
+        for line in doubts(dut):
+            tell(f"doubtful: {line}")
         for line in assumed:
             tell(f"assumed: {line}")
         tell(planned)
@@ -168,7 +171,10 @@ def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Mode
     stand_in = as_simulated(bench_file)
     with Stop().listening() as stop, tempfile.TemporaryDirectory() as folder:
         simulated = simulate(stand_in, dut, model, seed=options.seed)
-        tell(planned_time(plan_jobs(bench_facts(simulated.bench, dut), jobs)))
+        planned = planned_time(plan_jobs(bench_facts(simulated.bench, dut), jobs))
+        for line in doubts(dut):
+            tell(f"doubtful: {line}")
+        tell(planned)
         records: list[RunRecord] = []
         phases: dict[str, tuple[tuple[float, str], ...]] = {}
 

@@ -168,6 +168,14 @@ def test_a_dry_run_tells_the_planned_time_before_it_starts(tmp_path):
     assert "\n1 run with 1 set-up move took " in answer.stderr
 
 
+def test_a_device_file_that_contradicts_itself_is_called_doubtful_before_it_is_run(tmp_path):
+    dut = tmp_path / "dut.toml"
+    dut.write_text(default_dut()[1].replace("T2 = 12.0", "T2 = 120.0"))
+    answer = rig("run", "locked-output", *SHORT_SWEEP, "--dut", dut, "--dry-run")
+    assert answer.exit_code == 0, answer.stderr
+    assert answer.stderr.startswith("doubtful: gear.T1 = 3.9 N*m, gear.T2 = 120 N*m: T2/rated_torque is 7.5, usually ")
+
+
 def test_without_a_terminal_a_long_run_tells_how_far_it_is(tmp_path):
     settings = ["backdrive.dwell=70", "backdrive.start_angles=1", "backdrive.repeats=1", "backdrive.amplitudes=0.2"]
     answer = rig("run", "backdrive", *(word for text in settings for word in ("--set", text)), "-o", tmp_path)

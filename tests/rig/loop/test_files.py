@@ -9,6 +9,7 @@ import pytest
 from rich.console import Console
 
 from drivers.errors import ConfigError
+from rig.config.dut import SHD_17_100
 from rig.loop.campaign import LoopOptions
 from rig.loop.model_storage import load_model, write_model
 from rig.loop.plot import plot_loop
@@ -28,6 +29,14 @@ def result() -> LoopResult:
 def test_a_model_file_comes_back_as_it_was_written(tmp_path: Path) -> None:
     write_model(result().model, tmp_path / "model.json")
     assert load_model(tmp_path / "model.json") == result().model
+
+
+def test_a_device_file_that_contradicts_itself_is_a_warning() -> None:
+    text = SHD_17_100.replace("T1 = 3.9", "T1 = 0.39")
+    warnings = trace([turning_run("a", 0), turning_run("c", 2)], dut(text), LoopOptions(held_out=("c",))).warnings
+    (told,) = (warning for warning in warnings if "doubtful" in warning)
+    assert "T1/K1 is 4.64e-05 rad, usually 0.00015 to 0.002 rad" in told
+    assert not any("doubtful" in warning for warning in result().warnings)
 
 
 def test_the_dut_of_a_model_file_is_the_dut_it_was_fitted_with() -> None:
