@@ -12,6 +12,7 @@ from rig.log.names import writable_folder
 from rig.papers.item import Grid, Workbench
 from rig.papers.registry import choose
 from rig.papers.report import Done, cells, grids, run_items, to_json, write_report
+from rig.stages import Stages
 from rig.terminal import emit, tell
 
 WIDTH = 120
@@ -30,7 +31,8 @@ def papers_command(names: tuple[str, ...], out: Path, quick: bool, as_json: bool
     items = choose(names)
     writable_folder(out)
     try:
-        done = run_items(items, Workbench(out, quick=quick, tell=tell))
+        with Stages() as stage:
+            done = run_items(items, Workbench(out, quick=quick, tell=stage))
         written = write_report(done, out)
     except OSError as error:
         raise ConfigError("-o", [Mistake("-o", str(out), f"cannot be written: {error.strerror or error}")]) from error

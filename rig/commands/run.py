@@ -2,6 +2,8 @@
 
 import math
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from drivers.clock import Clock, RealClock
-from drivers.errors import ConfigError, LimitError, Mistake, did_you_mean
+from drivers.errors import ConfigError, LimitError, Mistake, RigError, did_you_mean
 from procedures.intents import Measurement, Result
 from procedures.plan import PlannedRun, build_parameters
 from procedures.registry import PROCEDURES
@@ -86,7 +88,7 @@ def run_command(names: tuple[str, ...], options: RunOptions, dry_run: bool) -> N
         )
     dut, dut_text = _dut(options.dut, model)
     if dry_run:
-        with naming_the_bench(options.bench):
+        with naming_the_bench(options.bench), _nothing_moves():
             _dry_run(jobs, bench_file, dut, model, options)
         return
     with naming_the_bench(options.bench), Stop().listening() as stop:
@@ -102,7 +104,7 @@ def run_command(names: tuple[str, ...], options: RunOptions, dry_run: bool) -> N
             while not consent():
                 stop.check("consent")
                 bench.clock.sleep_until(bench.clock.now() + 0.05)
-        watcher = _watcher(options.as_json)
+        watcher = Watcher() if options.as_json else _watcher(dry_run=False)
         provenance = Provenance(bench_text, dut_text, backend)
         records = run_jobs(Session(bench, dut, provenance, options.out, operator, stop, watcher), jobs)
     _report(records, options)
@@ -166,6 +168,19 @@ def _make_bench(
     return Bench(bench_file, clock, fixture), operator, "hardware", ()
 
 
+@contextmanager
+def _nothing_moves() -> Iterator[None]:
+    """Let an error of the dry run say so, in place of what the simulated drives confirmed and where the log was."""
+    try:
+        yield
+    except ConfigError:
+        raise
+    except RigError as error:
+        error.__notes__ = ["This was a dry run: no device was opened and nothing moved."]
+        error.facts = {name: value for name, value in error.facts.items() if name not in ("reaction", "confirmed")}
+        raise
+
+
 def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Model | None, options: RunOptions) -> None:
     """Run on a simulated copy of the bench against its limits; print phases, extremes, durations, assumptions."""
     stand_in = as_simulated(bench_file)
@@ -178,12 +193,15 @@ def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Mode
         records: list[RunRecord] = []
         phases: dict[str, tuple[tuple[float, str], ...]] = {}
 
+        teller = Watcher() if options.as_json else _watcher(dry_run=True)
+
         def on_end(record: RunRecord) -> None:
+            teller.on_end(record)
             records.append(record)
             events = load_run(record.file).events
             phases[record.file.stem] = tuple((e.time, e.text) for e in events if e.kind == "phase")
 
-        watcher = Watcher(on_end=on_end)
+        watcher = Watcher(teller.on_run, teller.on_progress, on_end)
         try:
             session = Session(
                 simulated.bench, dut, Provenance("", "", "dry run"), Path(folder), SimulatedOperator(), stop, watcher
@@ -261,7 +279,8 @@ def length(seconds: float) -> str:
 class _Teller:
     """Tells which run is under way and what it gave: in a line that changes, or line by line without a terminal."""
 
-    def __init__(self) -> None:
+    def __init__(self, dry_run: bool) -> None:
+        self._dry_run = dry_run
         self._console = Console(stderr=True)
         self._status = self._console.status("") if self._console.is_terminal else None
         self._run = ""
@@ -290,20 +309,18 @@ class _Teller:
             self._line(f"{self._run}, {progress.phase}, {progress.time:.0f} of about {self._duration:.0f} s")
 
     def on_end(self, record: RunRecord) -> None:
-        """Say how it ended and where its log is."""
+        """Say how it ended and where its log is; the log of a dry run is not kept."""
         if self._status is not None:
             self._status.stop()
-        if not record.set_up:
+        if not (record.set_up or self._dry_run):
             self._line(f"{record.outcome.status:8} {record.outcome.duration:7.1f} s  {record.file}")
 
     def _line(self, text: str) -> None:
         self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
-def _watcher(as_json: bool) -> Watcher:
-    if as_json:
-        return Watcher()
-    teller = _Teller()
+def _watcher(*, dry_run: bool) -> Watcher:
+    teller = _Teller(dry_run)
     return Watcher(teller.on_run, teller.on_progress, teller.on_end)
 
 

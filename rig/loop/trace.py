@@ -89,7 +89,8 @@ def trace(
             hint="Check the channels in the log, and the ratio in the device file.",
         )
     on_stage(f"fitting {len(campaign.train)} runs and searching what they leave ...")
-    base, selection, fastest = _selected(pieces, start, options.alpha, known_parameters(dut, ratio))
+    known = known_parameters(dut, ratio)
+    base, selection, fastest = _selected(pieces, start, options.alpha, known, on_stage)
     on_stage(f"{clock.now() - started:.0f} s: looking at the {len(campaign.held_out)} held-out runs")
     fastest = min(fastest, _known_speed(pieces, selection))
     final = selection.fit
@@ -199,7 +200,11 @@ def fit_base(pieces: Sequence[Piece], start: Model) -> Fit:
 
 
 def _selected(
-    pieces: Sequence[Piece], start: Model, alpha: float, known: Mapping[str, float]
+    pieces: Sequence[Piece],
+    start: Model,
+    alpha: float,
+    known: Mapping[str, float],
+    on_stage: Callable[[str], None],
 ) -> tuple[Fit, Selection, float]:
     """Fit and select; give the base fit, the selection, and the fastest leg (rad/s) whose torque was used.
 
@@ -207,7 +212,7 @@ def _selected(
     in the speed, not in the torque. The torque of the fastest legs is then left out, as far as it takes.
     """
     base = fit_base(pieces, start)
-    first = select(pieces, base, alpha, known)
+    first = select(pieces, base, alpha, known, on_stage)
     found, fastest = (base, first), math.inf
     speeds = sorted({abs(float(v)) for p in pieces if _runs_free(p) for v in np.unique(p.track.speed[p.index])})
     slower = [v for v in speeds if v < speeds[-1] / SAME_SPEED]
@@ -215,8 +220,9 @@ def _selected(
         limit = SAME_SPEED * slower.pop()
         slower = [v for v in slower if v < limit / SAME_SPEED**2]
         fewer = _up_to(pieces, limit)
+        on_stage(f"once more without the torque of legs faster than {limit:.4g} rad/s")
         base = fit_base(fewer, start)
-        found = (base, select(fewer, base, alpha, known))
+        found = (base, select(fewer, base, alpha, known, on_stage))
         if len(found[1].decisions) > len(first.decisions):
             return found[0], found[1], limit
     return (found[0], found[1], fastest) if found[1] is first else (fit_base(pieces, start), first, fastest)

@@ -460,6 +460,22 @@ def test_a_signal_ends_a_run_safely_with_code_4_and_a_complete_log(tmp_path, sen
     assert run.metadata["outcome.safe_state_confirmed"] == "true"
 
 
+def test_a_dry_run_that_is_stopped_says_that_nothing_moved():
+    process = subprocess.Popen(
+        [*PROGRAM, "run", "free-run", "--set", "free-run.dwell=600", "--dry-run"], stderr=subprocess.PIPE, text=True
+    )
+    assert process.stderr.readline().startswith("Planned: ")
+    assert process.stderr.readline().startswith("free-run, run 1/8: speed-1-repeat-1, ")
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 4, errors
+    told = errors.splitlines()[-1]
+    assert told.startswith("Aborted by SIGINT")
+    assert told.endswith(" This was a dry run: no device was opened and nothing moved.")
+    for alarming in ("Reaction", "confirmed", "CONFIRMED", ".mcap"):
+        assert alarming not in told
+
+
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("delay", [0.0, 0.15, 0.4])
 def test_a_signal_during_the_imports_is_an_abort_in_one_line(tmp_path, sent, delay):

@@ -33,10 +33,19 @@ def test_a_model_file_comes_back_as_it_was_written(tmp_path: Path) -> None:
 
 def test_a_device_file_that_contradicts_itself_is_a_warning() -> None:
     text = SHD_17_100.replace("T1 = 3.9", "T1 = 0.39")
-    warnings = trace([turning_run("a", 0), turning_run("c", 2)], dut(text), LoopOptions(held_out=("c",))).warnings
+    runs = [turning_run("a", 0), turning_run("c", 2)]
+    warnings = trace(runs, dut(text), LoopOptions(held_out=("c",))).warnings
     (told,) = (warning for warning in warnings if "doubtful" in warning)
     assert "T1/K1 is 4.64e-05 rad, usually 0.00015 to 0.002 rad" in told
     assert not any("doubtful" in warning for warning in result().warnings)
+
+
+def test_every_stage_of_the_loop_is_told() -> None:
+    stages: list[str] = []
+    runs = [turning_run("a", 0), turning_run("c", 2)]
+    trace(runs, dut(), LoopOptions(held_out=("c",)), on_stage=stages.append)
+    for told in ("fitting 1 runs", "trying every effect on what is left, 0 added", "judging whether what", "held-out"):
+        assert any(told in stage for stage in stages), told
 
 
 def test_the_dut_of_a_model_file_is_the_dut_it_was_fitted_with() -> None:
