@@ -52,14 +52,18 @@ class Input(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Backdrive:
-    """Parameters of backdrive; None and () stand for values from the bench."""
+    """Parameters of backdrive; None stands for a value from the dut, () for what the meaning says."""
 
     input: str = parameter("held", "1", 0, 0, "held: the motor holds its angle; free: it is released")
     dwell: float = parameter(5.0, "s", 0.5, 600.0, "quiet dwell without load torque before each run")
     start_angles: int = parameter(2, "1", 1, 64, "wave-generator angles at which to start, spread over a turn")
     repeats: int = parameter(2, "1", 1, 100, "runs at every start angle, replicates of each other")
     peak_torque: float | None = parameter(
-        None, "N*m", 1e-3, 1e5, "held: largest load torque; from the bench: rated output torque"
+        None,
+        "N*m",
+        1e-3,
+        1e5,
+        "held: largest load torque; from dut: rated torque, at most 95 % of what the limits allow",
     )
     amplitudes: tuple[float, ...] = parameter(
         (1.0, 0.5, 0.25), "1", 0.01, 1.0, "held: nested triangles, shares of the peak"
@@ -76,17 +80,21 @@ class Backdrive:
     hold: float = parameter(0.0, "s", 0.0, 600.0, "held: wait at every turning point (creep)")
     travel_max: float = parameter(0.5, "rad", 0.01, 6.0, "held: motor travel beyond which it does not hold")
     torque_rate: float | None = parameter(
-        None, "N*m/s", 1e-4, 1e4, "free: rate of the load torque; from the bench: the backdriving torque in 6 s"
+        None, "N*m/s", 1e-4, 1e4, "free: rate of the load torque; from dut: the backdriving torque in 6 s"
     )
     torque_max: float | None = parameter(
-        None, "N*m", 1e-3, 1e5, "free: load torque at which to give up; from the bench: 3 backdriving torques"
+        None,
+        "N*m",
+        1e-3,
+        1e5,
+        "free: load torque at which to give up; from dut: 3 backdriving torques, at most the limit",
     )
     motion: float | None = parameter(
         None,
         "rad",
         0.01,
         3.0,
-        "free: motor travel that ends the ramp; from the bench: 0.1 rad, at least 16 encoder counts",
+        "free: motor travel that ends the ramp; from dut: 0.1 rad, at least 16 encoder counts",
     )
     speed_max: float = parameter(10.0, "rad/s", 0.1, 100.0, "free: motor speed that ends the ramp as well")
     settle: float = parameter(1.0, "s", 0.1, 60.0, "free: wait without load torque after each ramp")

@@ -31,10 +31,10 @@ TOP_SPEED = 200.0
 """Fastest leg where no speeds are given, rad/s: 1900 rpm, where makers state running torque."""
 
 SPEED_SHARE = 0.8
-"""Share of the bench's speed limit that a speed from the bench may use."""
+"""Share of the bench's speed limit that a speed may use where none are given."""
 
 LADDER = (0.125, 0.235, 0.485, 1.0)
-"""Speeds from the bench, in shares of the fastest; no multiples of each other, which would share their aliases."""
+"""Speeds where none are given, in shares of the fastest; no multiples of each other, whose aliases are shared."""
 
 LOAD_TIME = 1.0
 """Time in which a load torque is put on and taken off again, s."""
@@ -45,7 +45,7 @@ STILL = 0.02
 
 @dataclass(frozen=True, slots=True)
 class FreeRun:
-    """Parameters of free-run; () stands for values from the bench."""
+    """Parameters of free-run; () stands for what the meaning says."""
 
     dwell: float = parameter(5.0, "s", 0.5, 600.0, "quiet dwell with released motor before each run")
     speeds: tuple[float, ...] = parameter(
@@ -53,7 +53,7 @@ class FreeRun:
         "rad/s",
         0.01,
         2000.0,
-        "motor speeds, both ways; empty: 0.125, 0.235, 0.485 and 1 of 200 rad/s or 80 % of limit",
+        "motor speeds, both ways; empty: 0.125, 0.235, 0.485 and 1 of 200 rad/s, at most of 80 % of the limit",
     )
     turns: int = parameter(2, "1", 1, 1000, "whole output turns per leg")
     acceleration: float = parameter(100.0, "rad/s^2", 0.1, 1e5, "speed ramps of the motor")

@@ -37,11 +37,15 @@ class Lock(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class LockedOutput:
-    """Parameters of locked-output; None and () stand for values from the bench."""
+    """Parameters of locked-output; None stands for a value from the dut, () for what the meaning says."""
 
     dwell: float = parameter(5.0, "s", 0.5, 600.0, "quiet dwell at zero torque before each run")
     peak_torque: float | None = parameter(
-        None, "N*m", 1e-6, 1e3, "largest motor torque; from the bench: rated output torque / ratio + starting torque"
+        None,
+        "N*m",
+        1e-6,
+        1e3,
+        "largest motor torque; from dut: rated torque / ratio + starting torque, at most 95 % of what the limits allow",
     )
     amplitudes: tuple[float, ...] = parameter((1.0, 0.5, 0.25), "1", 0.01, 1.0, "nested triangles, shares of the peak")
     bias_torque: float = parameter(0.0, "N*m", -1e3, 1e3, "motor torque about which the nested triangles lie")

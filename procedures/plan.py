@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from drivers.errors import ConfigError, Mistake
+from drivers.errors import ConfigError, Mistake, did_you_mean
 from drivers.types import Limits
 from procedures.intents import Result, Steps
 
@@ -103,8 +103,9 @@ class ParameterInfo:
 def parameter(default: Any, unit: str, low: float, high: float, meaning: str) -> Any:
     """Declare a field of a parameter class: default, unit, inclusive range, meaning.
 
-    A default of None stands for "from the device under test"; its type is then float. A tuple default takes a
-    comma-separated list, the range holding for every entry. A bool or str default ignores the range.
+    A default of None stands for "from dut": worked out from the device under test as the meaning says; its type is then
+    float. A tuple default takes a comma-separated list, the range holding for every entry. A bool or str default
+    ignores the range.
     """
     return dataclasses.field(default=default, metadata={"unit": unit, "low": low, "high": high, "meaning": meaning})
 
@@ -137,8 +138,8 @@ def build_parameters(procedure: Procedure, settings: dict[str, str]) -> Any:
         path = f"{procedure.name}.{_shown(name)}"
         info = table.get(name)
         if info is None:
-            known = ", ".join(table)
-            mistakes.append(Mistake(path, _shown(text), f"no such parameter; {procedure.name} has {known}"))
+            rule = f"no such parameter{did_you_mean(name, table)}; {procedure.name} has {', '.join(table)}"
+            mistakes.append(Mistake(path, _shown(text), rule))
             continue
         try:
             values[name] = _read(text, info)

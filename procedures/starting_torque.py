@@ -36,17 +36,17 @@ MARGIN = 4.0
 
 @dataclass(frozen=True, slots=True)
 class StartingTorque:
-    """Parameters of starting-torque; None and () stand for values from the bench."""
+    """Parameters of starting-torque; None stands for a value from the dut."""
 
     dwell: float = parameter(5.0, "s", 0.5, 600.0, "quiet dwell at zero torque before each run")
     torque_rate: float | None = parameter(
-        None, "N*m/s", 1e-6, 100.0, "rate of the motor torque; from the bench: the catalogue starting torque in 6 s"
+        None, "N*m/s", 1e-6, 100.0, "rate of the motor torque; from dut: the starting torque in 6 s"
     )
     torque_max: float | None = parameter(
-        None, "N*m", 1e-6, 1e3, "motor torque at which to give up; from the bench: 4 catalogue starting torques"
+        None, "N*m", 1e-6, 1e3, "motor torque at which to give up; from dut: 4 starting torques, at most the limit"
     )
     motion: float | None = parameter(
-        None, "rad", 0.01, 3.0, "motor travel that ends the ramp; from the bench: 0.1 rad, at least 16 encoder counts"
+        None, "rad", 0.01, 3.0, "motor travel that ends the ramp; from dut: 0.1 rad, at least 16 encoder counts"
     )
     speed_max: float = parameter(10.0, "rad/s", 0.1, 100.0, "motor speed that ends the ramp as well")
     settle: float = parameter(1.0, "s", 0.1, 60.0, "wait at zero torque after each ramp")

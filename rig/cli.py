@@ -127,12 +127,13 @@ def devices(as_json: Json = False) -> None:
 @app.command()
 def effects(
     names: Annotated[list[str] | None, typer.Argument(metavar="NAME", help="Only these effects.")] = None,
+    brief: Annotated[bool, typer.Option("--brief", help="One line for each effect.")] = False,
     as_json: Json = False,
 ) -> None:
     """List the effects that the model knows: equation, units, ranges, where they show, what tells them apart."""
     from rig.commands.lists import list_effects
 
-    list_effects(tuple(names or ()), as_json)
+    list_effects(tuple(names or ()), brief, as_json)
 
 
 @app.command()

@@ -93,7 +93,11 @@ class Provenance:
 
 @dataclass(frozen=True, slots=True)
 class Watcher:
-    """Who is told what happens: each run before it starts, its progress, its end, and first what had to be assumed."""
+    """Who is told what happens: each run before it starts, its progress, its end, and first what had to be assumed.
+
+    `on_run` takes procedure, run, its number among all measuring runs and how many these are; a set-up move has the
+    number of the run that it prepares.
+    """
 
     on_run: Callable[[str, PlannedRun, int, int], None] = lambda *_: None
     on_progress: Callable[[Progress], None] = lambda _: None
@@ -189,6 +193,11 @@ def plan_jobs(facts: BenchFacts, jobs: Sequence[Job]) -> Plans:
     return tuple((job, _repeated(job.procedure.plan(job.parameters, facts), job.repeat)) for job in jobs)
 
 
+def run_count(plans: Plans) -> int:
+    """Count the measuring runs, without the moves that set the bench up for them."""
+    return sum(not run.set_up for _, plan in plans for run in plan)
+
+
 def run_jobs(session: Session, jobs: Sequence[Job]) -> tuple[JobRecord, ...]:
     """Run every job and log into the session's folder. Raises the error that ended a run early.
 
@@ -201,14 +210,16 @@ def run_jobs(session: Session, jobs: Sequence[Job]) -> tuple[JobRecord, ...]:
     plans = plan_jobs(facts, jobs)
     writable_folder(session.out)
     records = []
+    done, of = 0, run_count(plans)
     tares: dict[str, str] = {}
     for job, plan in plans:
         runs = []
-        for number, planned in enumerate(plan, start=1):
-            session.watcher.on_run(job.procedure.name, planned, number, len(plan))
+        for planned in plan:
+            session.watcher.on_run(job.procedure.name, planned, min(done + 1, of), of)
             record = _run(session, job, planned, facts.assumed, tares)
             session.watcher.on_end(record)
             runs.append(record)
+            done += not planned.set_up
             if record.error is not None:
                 record.error.add_note(f"The log up to here is complete: {record.file}")
                 raise record.error

@@ -22,7 +22,7 @@ from rig.operator import Answered
 from sim_backend.errors import ModelError, NotFiniteError, ParameterError
 from sim_backend.model.compliance import LAWS, Compliance
 from sim_backend.model.effects import CATALOGUE, ActiveEffect, Effect
-from sim_backend.model.estimation import LOSS, PIECEWISE, flexspline_from_catalogue
+from sim_backend.model.estimation import LOSS, PIECEWISE, flexspline_from_catalogue, wave_generator_from_tests
 from sim_backend.model.parameters import Cubic, HarmonicDrive, Piecewise, PlantConfig
 from sim_backend.nodes.bench import LOAD_DRIVE, MOTOR_DRIVE, OUTPUT_ENCODER, TORQUE_TRANSDUCER
 from sim_backend.nodes.communication import CanopenNode
@@ -128,7 +128,7 @@ def simulate(
     """
     assumed: list[str] = []
     source = f"model of '{dut.name}'" if model is not None else f"dut '{dut.name}'"
-    mistakes = [*_drive_mistakes(bench, dut), *(_catalogue_mistakes(dut) if model is None else ())]
+    mistakes = [*_drive_mistakes(bench, dut), *_catalogue_mistakes(dut, model)]
     if dut.gear.rotation is Rotation.SAME:
         bench = _motor_mirrored(bench)
     if mistakes:
@@ -193,8 +193,11 @@ def _drive_mistakes(bench: BenchFile, dut: Dut) -> Iterator[Mistake]:
         yield Mistake("motor.torque_constant", constant, rule)
 
 
-def _catalogue_mistakes(dut: Dut) -> Iterator[Mistake]:
-    """Name the catalogue values from which no drive can be estimated, in the dut's keys."""
+def _catalogue_mistakes(dut: Dut, model: Model | None) -> Iterator[Mistake]:
+    """Name the catalogue values from which no drive can be estimated, in the dut's keys.
+
+    Of a model, only what it lacks is estimated; that K2 is above K1, the arctan law alone needs.
+    """
     beyond = list(beyond_limits(dut))
     if beyond:
         yield from beyond
@@ -203,16 +206,26 @@ def _catalogue_mistakes(dut: Dut) -> Iterator[Mistake]:
     caps: dict[str, Any] = {field.name: field.default for field in fields(PlantConfig)}
     K1, K2, T1, T2 = (values[name] for name in ("K1", "K2", "T1", "T2"))
     try:
-        flexspline_from_catalogue(K1, K2, T1, T2)
+        if model is None or _lacks_arctan(model):
+            flexspline_from_catalogue(K1, K2, T1, T2)
     except ParameterError as error:
         of = ("T1", "T2") if error.name in ("T1", "T2") else ("K1", "K2")
         yield _keys(dut, *of, rule=f"{error.name} {error.rule}")
+    if model is not None:
+        return
     if caps["flexspline_stiffness_cap"] <= K1:
         yield _keys(dut, "K1", rule=f"must be below {caps['flexspline_stiffness_cap']:g} N*m/rad; {PIECEWISE} needs it")
     most = 0.5 * caps["wave_generator_stiffness_cap"] * values["ratio"] * values["hysteresis_loss"]
     if values["starting_torque"] >= most:
         rule = f"starting_torque must be below {most:.4g} N*m with this ratio and hysteresis loss; {LOSS} needs it"
         yield _keys(dut, "starting_torque", "hysteresis_loss", "ratio", rule=rule)
+
+
+def _lacks_arctan(model: Model) -> bool:
+    """Tell whether the model's flexspline follows (24) and one of its parameters must come from the catalogue."""
+    return model.base.law is Compliance.ARCTAN and not set(LAWS[Compliance.ARCTAN].parameters) <= set(
+        model.base.parameters
+    )
 
 
 def _keys(dut: Dut, *names: str, rule: str) -> Mistake:
@@ -245,22 +258,35 @@ def drive_of_model(model: Model, assumed: list[str]) -> HarmonicDrive:
 
     The flexspline of this drive follows (24); see `flexspline_of_model` for another law.
     """
-    fallback = _drive_from_dut(model.dut, [])
+    catalogue = _catalogue(model.dut)
     fitted = {name: estimate.value for name, estimate in model.base.parameters.items()}
-    ratio = model.base.ratio or fallback.ratio
-    friction = ratio * fitted["T_fs"] if "T_fs" in fitted else fallback.friction_torque
+    ratio, starting_torque = model.base.ratio or catalogue["ratio"], catalogue["starting_torque"]
+    K_F0, C_F = _arctan_of_catalogue(model, catalogue)
+    K_w0, C_w = wave_generator_from_tests(catalogue["ratio"], catalogue["hysteresis_loss"], starting_torque)
+    friction = ratio * fitted["T_fs"] if "T_fs" in fitted else catalogue["ratio"] * starting_torque
     values = {
-        "K_F0": fitted.get("K_F0", fallback.K_F0),
-        "C_F": fitted.get("C_F", fallback.C_F),
-        "K_w0": fitted.get("K_w0", fallback.K_w0),
-        "C_w": fitted.get("C_w", fallback.C_w),
-        "viscous_friction": max(0.0, fitted.get("b", fallback.viscous_friction)),
+        "K_F0": fitted.get("K_F0", K_F0),
+        "C_F": fitted.get("C_F", C_F),
+        "K_w0": fitted.get("K_w0", K_w0),
+        "C_w": fitted.get("C_w", C_w),
+        "viscous_friction": max(0.0, fitted.get("b", VISCOUS_SHARE * starting_torque)),
     }
     needed = (*LAWS[model.base.law].parameters, "K_w0", "C_w", "T_fs", "b")
     missing = [name for name in needed if name not in fitted]
     if missing:
         assumed.append(f"{', '.join(missing)} from the dut's catalogue values (not in the model)")
     return HarmonicDrive(ratio=ratio, friction_torque=friction, **values)
+
+
+def _arctan_of_catalogue(model: Model, catalogue: Mapping[str, float]) -> tuple[float, float]:
+    """Give K_F0 and C_F from the catalogue; where the plant does not take them from it, a drive that softens has some.
+
+    Raises ModelError if the model needs them and no drive has this catalogue.
+    """
+    if _lacks_arctan(model):
+        return flexspline_from_catalogue(*(catalogue[name] for name in ("K1", "K2", "T1", "T2")))
+    K_F0, C_F = (entry.centre for entry in flexspline_entries(model.dut.gear, Compliance.ARCTAN))
+    return K_F0, C_F
 
 
 def flexspline_of_model(model: Model) -> Cubic | Piecewise | None:

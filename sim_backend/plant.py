@@ -133,6 +133,7 @@ class Plant:
     def __init__(
         self, config: PlantConfig, effects: Sequence[ActiveEffect] = (), seed: int = 0, compiled: bool = True
     ) -> None:
+        _check_parts(config, effects)
         self.config = config
         self.effects = tuple(effects)
         check_effects(self.effects, config)
@@ -354,6 +355,17 @@ class Plant:
             return 0.0
         stretch = float(self._state[stepper.OUTPUT_POSITION] - self._inputs[stepper.LOCK_POSITION])
         return 0.5 * self.config.fixture_stiffness * stretch**2
+
+
+def _check_parts(config: object, effects: object) -> None:
+    """Raise ModelError unless a plant can be made of these, whatever they say."""
+    if not isinstance(config, PlantConfig):
+        raise ModelError(f"config = {config!r} is not possible: a plant needs a PlantConfig.")
+    if not isinstance(effects, Sequence):
+        raise ModelError(f"effects = {effects!r} are not possible: they must be a sequence of ActiveEffect.")
+    for number, active in enumerate(effects):
+        if not isinstance(active, ActiveEffect):
+            raise ModelError(f"effects[{number}] = {active!r} is not possible: it must be an ActiveEffect.")
 
 
 def _check_seed(seed: object) -> None:

@@ -13,6 +13,7 @@ from rig.config.bench import BenchFile
 from rig.config.dut import Dut
 from rig.config.toml_file import parse_toml
 from rig.log.mapping import ImportMap
+from rig.loop.result import Verdict
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = sorted([ROOT / "README.md", ROOT / "CHANGELOG.md", *(ROOT / "docs").rglob("*.md")])
@@ -127,3 +128,23 @@ def test_the_file_examples_are_valid_files():
     assert parse_toml(bench, BenchFile, "docs/files.md").name == "bench-3"
     assert parse_toml(dut, Dut, "docs/files.md").name == "SHD-17-100"
     assert parse_toml(f"[run]\n{sidecar}", ImportMap, "docs/files.md").run.start_angle == 0.7
+
+
+def test_the_glossary_explains_every_verdict_and_no_word_twice():
+    rows = re.findall(r"^\| (.+?) \| (.+) \|$", (ROOT / "docs/glossary.md").read_text(), flags=re.M)
+    words = [word.strip() for left, _ in rows if left not in ("word", "---") for word in re.split("[,;]", left)]
+    assert len(set(words)) == len(words)
+    for verdict in Verdict:
+        assert f"verdict `{verdict}`" in words
+    for word in ("wave generator", "flexspline", "circular spline", "torsion", "hysteresis loss", "starting torque"):
+        assert word in words
+    for word in (
+        "backdriving torque",
+        "kinematic error",
+        "cogging",
+        "control word",
+        "heartbeat",
+        "floor",
+        "held-out run",
+    ):
+        assert word in words

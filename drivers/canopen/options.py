@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 from drivers.canopen.profiles import TORQUE_UNITS
 from drivers.devices import OptionValue
-from drivers.errors import Mistake
+from drivers.errors import Mistake, did_you_mean
 
 PASSED_THROUGH = "can_"
 
@@ -96,7 +96,9 @@ def read_options(kind: type[Options], options: Mapping[str, OptionValue], path: 
         where = f"{path}.{name}"
         field = known.get(name)
         if field is None:
-            mistakes.append(Mistake(where, value, f"no such option; there are {', '.join(known)}"))
+            mistakes.append(
+                Mistake(where, value, f"no such option{did_you_mean(name, known)}; there are {', '.join(known)}")
+            )
             continue
         default_kind = float if field.default is None else type(field.default)
         rule = _broken_rule(value, _OPTIONAL_KINDS.get(name, default_kind), field.metadata)

@@ -3,7 +3,7 @@
 import json
 import math
 import secrets
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from drivers.clock import Clock, RealClock
-from procedures.plan import build_parameters
+from procedures.plan import PlannedRun, build_parameters
 from procedures.registry import PROCEDURES
 from rig.commands.loop import dut_of, print_files, print_result, write_loop
 from rig.config.bench import load_bench
@@ -26,6 +26,7 @@ from rig.loop.trace import trace
 from rig.operator import SimulatedOperator
 from rig.session import Job, Provenance, RunRecord, Session, Watcher, run_jobs
 from rig.simulation import simulate
+from rig.stages import Stages
 from rig.stop import Stop
 from rig.terminal import emit, tell
 from sim_backend.model.effects import CATALOGUE, ActiveEffect
@@ -58,12 +59,16 @@ def demo_command(seed: int | None, out: Path, as_json: bool) -> None:
     hidden = draw_effect(seed)
     tell("The simulated bench carries an effect that neither the logs nor the loop are told.")
     logs = out / "logs"
-    bench_seconds = record((hidden,), seed, logs)
-    recorded = clock.now()
-    tell(f"Recorded {bench_seconds / 60:.1f} minutes of bench time in {recorded:.0f} s. Closing the loop ...")
-    runs = load_runs([logs])
-    result = trace(runs, dut_of(runs), LoopOptions(), on_stage=tell)
-    files = write_loop(result, out / "loop")
+    with Stages() as stage:
+        stage("building the simulated bench")
+        bench_seconds = record((hidden,), seed, logs, on_stage=stage)
+        recorded = clock.now()
+        tell(f"Recorded {bench_seconds / 60:.1f} minutes of bench time in {recorded:.0f} s. Closing the loop ...")
+        stage("reading the logs")
+        runs = load_runs([logs])
+        result = trace(runs, dut_of(runs), LoopOptions(), on_stage=stage)
+        stage("drawing and writing the result")
+        files = write_loop(result, out / "loop")
     truth = Truth(
         hidden.effect.id, {p.name: (v, p.unit) for p, v in zip(hidden.effect.parameters, hidden.values, strict=True)}
     )
@@ -107,7 +112,9 @@ def draw_effect(seed: int) -> ActiveEffect:
     return ActiveEffect(effect, tuple(values))
 
 
-def record(hidden: Sequence[ActiveEffect], seed: int, logs: Path) -> float:
+def record(
+    hidden: Sequence[ActiveEffect], seed: int, logs: Path, on_stage: Callable[[str], None] = lambda _: None
+) -> float:
     """Run all four procedures on the bench that carries the hidden effects; give the bench time, s."""
     bench_file, bench_text = load_bench("sim")
     dut, dut_text = default_dut()
@@ -117,14 +124,16 @@ def record(hidden: Sequence[ActiveEffect], seed: int, logs: Path) -> float:
     )
     seconds: list[float] = []
 
+    def on_run(procedure: str, planned: PlannedRun, number: int, of: int) -> None:
+        if not planned.set_up:
+            on_stage(f"  run {number}/{of}: {procedure}-{planned.name}, {planned.duration:.0f} s of bench time")
+
     def on_end(record: RunRecord) -> None:
         seconds.append(record.outcome.duration)
-        if not record.set_up:
-            tell(f"  {record.outcome.duration:6.1f} s  {record.file.name}")
 
     with Stop().listening() as stop:
         provenance = Provenance(bench_text, dut_text, "simulated")
-        watcher = Watcher(on_end=on_end)
+        watcher = Watcher(on_run, on_end=on_end)
         run_jobs(Session(simulated.bench, dut, provenance, logs, SimulatedOperator(), stop, watcher), jobs)
     return sum(seconds)
 

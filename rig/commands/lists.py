@@ -1,6 +1,5 @@
 """What there is: procedures, drivers, effects."""
 
-import difflib
 import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -9,12 +8,18 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from drivers.errors import ConfigError, Mistake
+from drivers.errors import ConfigError, Mistake, did_you_mean
 from drivers.registry import all_drivers
 from procedures.plan import ParameterInfo, parameter_table
 from procedures.registry import PROCEDURES
 from rig.terminal import emit, shortened
 from sim_backend.model.effects import CATALOGUE, Effect, Energy, Enters
+
+DEFAULTS = (
+    "Default 'from dut': worked out from the dut file as the meaning says; what the file lacks is assumed, and told "
+    "before the run. Default 'empty': no values; the meaning says what happens then."
+)
+"""What stands below the tables, for the words in their column of defaults."""
 
 
 def list_procedures(as_json: bool) -> None:
@@ -57,7 +62,7 @@ def list_procedures(as_json: bool) -> None:
         for info in parameter_table(procedure.parameters):
             table.add_row(info.name, _default(info), _range(info), info.unit, info.meaning)
         console.print(table)
-    console.print("\nSet one with --set PROCEDURE.PARAMETER=VALUE.", highlight=False)
+    console.print(f"\n{DEFAULTS}\nSet one with --set PROCEDURE.PARAMETER=VALUE.", highlight=False)
 
 
 def list_devices(as_json: bool) -> None:
@@ -95,12 +100,17 @@ OPERATORS: Mapping[str, str] = MappingProxyType(
 """What an equation may use, and what it means."""
 
 
-def list_effects(names: Sequence[str], as_json: bool) -> None:
+def list_effects(names: Sequence[str], brief: bool, as_json: bool) -> None:
     """Print the effect catalogue, or the effects `names`: equation, unit, range, where it shows, what separates it.
 
+    The whole catalogue begins with one line for each effect; `brief`: these lines alone. JSON carries everything.
     Raises ConfigError with every unknown name and the names near to it.
     """
-    unknown = [Mistake("NAME", shortened(name), f"unknown{_near(name)}") for name in names if name not in CATALOGUE]
+    unknown = [
+        Mistake("NAME", shortened(name), f"unknown{did_you_mean(name, CATALOGUE)}")
+        for name in names
+        if name not in CATALOGUE
+    ]
     if unknown:
         raise ConfigError("command line", unknown, hint="`rig effects` lists all of them.")
     effects = [effect for effect in CATALOGUE.values() if not names or effect.id in names]
@@ -108,6 +118,10 @@ def list_effects(names: Sequence[str], as_json: bool) -> None:
         emit({"effects": [_effect_record(effect) for effect in effects]})
         return
     console = Console()
+    if brief or not names:
+        _overview(console, effects, cut=not brief)
+    if brief:
+        return
     for enters, meaning in ENTERS.items():
         group = [effect for effect in effects if effect.enters is enters]
         if group:
@@ -119,13 +133,21 @@ def list_effects(names: Sequence[str], as_json: bool) -> None:
     console.print("", *used, sep="\n", highlight=False)
 
 
-def _near(name: str) -> str:
-    """Give ` (did you mean ...?)` with the ids that are spelled nearly so or hold the word, else nothing."""
-    word = name.strip().lower().replace("_", "-").replace(" ", "-")
-    close = difflib.get_close_matches(word, CATALOGUE, n=3, cutoff=0.7)
-    holding = [id_ for id_ in CATALOGUE if len(word) > 2 and word in id_]
-    found = list(dict.fromkeys([*close, *holding]))
-    return f" (did you mean {' or '.join(found)}?)" if found else ""
+def _overview(console: Console, effects: Sequence[Effect], *, cut: bool) -> None:
+    """Print one line for each effect; `cut`: at the width of the terminal, since the whole text follows."""
+    widest = max(len(effect.id) for effect in effects)
+    for enters in ENTERS:
+        group = [effect for effect in effects if effect.enters is enters]
+        if group:
+            console.print(f"[bold]{enters}[/bold]", highlight=False)
+        for effect in group:
+            line = Text(f"  {effect.id:{widest}}  {effect.summary}")
+            if cut:
+                console.print(line, no_wrap=True, overflow="ellipsis")
+            else:
+                console.print(line, soft_wrap=True)
+    told = "`rig effects --brief` prints these lines alone, " if cut else ""
+    console.print(f"{told}`rig effects NAME...` all about some.", highlight=False)
 
 
 def _effect_table(effect: Effect) -> Table:
@@ -192,7 +214,7 @@ def _default(info: ParameterInfo) -> str:
     if info.default is None:
         return "from dut"
     if isinstance(info.default, tuple):
-        return ",".join(f"{value:g}" for value in info.default) or "none"
+        return ",".join(f"{value:g}" for value in info.default) or "empty"
     return f"{info.default:g}" if isinstance(info.default, float) else str(info.default)
 
 

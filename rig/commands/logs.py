@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from drivers.errors import ConfigError, Mistake
+from drivers.errors import ConfigError, Mistake, did_you_mean
 from rig.log.export import ExportKind, export_run
 from rig.log.importer import import_files
 from rig.log.load import load_run, load_runs
@@ -42,7 +42,8 @@ def recover_command(path: Path, out: Path | None, as_json: bool) -> None:
 def export_command(paths: tuple[Path, ...], kind: str, out: Path, as_json: bool) -> None:
     """Export every log to one file each."""
     if kind not in list(ExportKind):
-        raise ConfigError("--to", [Mistake("--to", kind, f"expected one of {', '.join(ExportKind)}")])
+        rule = f"expected one of {', '.join(ExportKind)}{did_you_mean(kind, ExportKind)}"
+        raise ConfigError("--to", [Mistake("--to", kind, rule)])
     written = [export_run(run, ExportKind(kind), out) for run in load_runs(paths)]
     _print_files(written, as_json)
 

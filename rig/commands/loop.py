@@ -1,13 +1,13 @@
 """`rig loop` and `rig predict`: trace what the model lacks, and evaluate a model on logs."""
 
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from rich.console import Console
 
-from drivers.errors import ConfigError, Mistake
+from drivers.errors import ConfigError, Mistake, did_you_mean
 from rig.config.dut import Dut, load_dut
 from rig.config.toml_file import parse_toml
 from rig.log.load import load_runs
@@ -18,8 +18,9 @@ from rig.loop.model_storage import load_model, write_model
 from rig.loop.plot import plot_loop
 from rig.loop.predict import write_predictions
 from rig.loop.result import LoopResult
-from rig.loop.table import headline, statements, table_of, text_of
+from rig.loop.table import headline, remaining_table, statements, table_of, text_of
 from rig.loop.trace import trace
+from rig.stages import Stages
 from rig.terminal import emit, tell
 from sim_backend.model.compliance import Compliance
 
@@ -52,11 +53,10 @@ def loop_command(paths: tuple[Path, ...], options: LoopCommand) -> None:
     """Trace, write the result, print the table."""
     law = _law(options.compliance)
     writable_folder(options.out)
-    runs = load_runs(paths)
-    base = load_model(options.base) if options.base is not None else None
-    dut = load_dut(options.dut)[0] if options.dut is not None else base.dut if base is not None else dut_of(runs)
-    result = trace(runs, dut, LoopOptions(options.held_out, options.alpha, options.seed, base, law), on_stage=tell)
-    files = write_loop(result, options.out)
+    with Stages() as stage:
+        result = _traced(paths, options, law, stage)
+        stage("drawing and writing the result")
+        files = write_loop(result, options.out)
     if options.as_json:
         emit(result.to_json())
         return
@@ -64,21 +64,38 @@ def loop_command(paths: tuple[Path, ...], options: LoopCommand) -> None:
     print_files(files)
 
 
+def _traced(
+    paths: tuple[Path, ...], options: LoopCommand, law: Compliance | None, stage: Callable[[str], None]
+) -> LoopResult:
+    stage("reading the logs")
+    runs = load_runs(paths)
+    base = load_model(options.base) if options.base is not None else None
+    dut = load_dut(options.dut)[0] if options.dut is not None else base.dut if base is not None else dut_of(runs)
+    return trace(runs, dut, LoopOptions(options.held_out, options.alpha, options.seed, base, law), on_stage=stage)
+
+
 def _law(name: str | None) -> Compliance | None:
     if name is not None and name not in list(Compliance):
-        raise ConfigError("--compliance", [Mistake("--compliance", name, f"expected one of {', '.join(Compliance)}")])
+        rule = f"expected one of {', '.join(Compliance)}{did_you_mean(name, Compliance)}"
+        raise ConfigError("--compliance", [Mistake("--compliance", name, rule)])
     return None if name is None else Compliance(name)
 
 
 def predict_command(model_file: Path, paths: tuple[Path, ...], out: Path, as_json: bool) -> None:
-    """Write the model's predictions for every run."""
+    """Write the model's predictions for every run; print the files and the rms of what remains."""
     model = load_model(model_file)
-    written = write_predictions(load_runs(paths), model, out)
+    with Stages() as stage:
+        stage("reading the logs")
+        runs = load_runs(paths)
+        stage(f"predicting {len(runs)} run{'s' if len(runs) != 1 else ''}")
+        written = write_predictions(runs, model, out)
     if as_json:
-        emit({"files": [str(path) for path in written]})
+        residuals = [{"run": one.run, **asdict(item)} for one in written for item in one.remaining]
+        emit({"files": [str(one.file) for one in written], "residuals": residuals})
         return
-    for path in written:
-        print(path)
+    for one in written:
+        print(one.file)
+    Console().print(remaining_table(written))
 
 
 def dut_of(runs: Sequence[Run]) -> Dut:

@@ -1,6 +1,7 @@
 """`rig papers`: reproduce the source papers and set what they print beside what comes out."""
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -8,16 +9,21 @@ from rich.table import Table
 
 from drivers.errors import ConfigError, Mistake
 from rig.log.names import writable_folder
-from rig.papers.item import Workbench
+from rig.papers.item import Grid, Workbench
 from rig.papers.registry import choose
-from rig.papers.report import HEADINGS, cells, grids, run_items, to_json, write_report
+from rig.papers.report import Done, cells, grids, run_items, to_json, write_report
+from rig.stages import Stages
 from rig.terminal import emit, tell
 
-WIDTH = 180
-"""Columns of the table where it does not go to a terminal."""
+WIDTH = 120
+"""Columns of the tables at most, and where they do not go to a terminal."""
 
-ROOM_FOR_COMMANDS = 140
-"""Columns from which on the table has the command of each row."""
+PREFIX = "rig papers "
+"""What the command of every row begins with; the table has it once, above the column."""
+
+
+LONGEST_NUMBER = len("-1.234e-05")
+"""Columns that every number of the tables fits in; words may take several lines."""
 
 
 def papers_command(names: tuple[str, ...], out: Path, quick: bool, as_json: bool) -> None:
@@ -25,29 +31,43 @@ def papers_command(names: tuple[str, ...], out: Path, quick: bool, as_json: bool
     items = choose(names)
     writable_folder(out)
     try:
-        done = run_items(items, Workbench(out, quick=quick, tell=tell))
+        with Stages() as stage:
+            done = run_items(items, Workbench(out, quick=quick, tell=stage))
         written = write_report(done, out)
     except OSError as error:
         raise ConfigError("-o", [Mistake("-o", str(out), f"cannot be written: {error.strerror or error}")]) from error
     if as_json:
         emit(to_json(done))
         return
-    console = Console(width=None if sys.stdout.isatty() else WIDTH)
-    table = Table(box=None, padding=(0, 1), header_style="bold")
-    # the command begins with the paper; a narrow terminal has the paper and the item, of which it is made
-    shown_from, shown_to = (1, None) if console.width >= ROOM_FOR_COMMANDS else (0, -1)
-    for heading in HEADINGS[shown_from:shown_to]:
-        table.add_column(heading, overflow="fold", no_wrap=heading == HEADINGS[-1])
-    for one in done:
-        for row in one.outcome.rows:
-            table.add_row(*cells(one, row)[shown_from:shown_to])
-    console.print(table, highlight=False, markup=False)
+    console = Console(width=min(Console().width, WIDTH) if sys.stdout.isatty() else WIDTH)
+    console.print(rows_table(done), highlight=False, markup=False)
     for grid in grids(done):
-        shown = Table(title=grid.title, title_justify="left", box=None, padding=(0, 1), header_style="bold")
-        for heading in grid.headings:
-            shown.add_column(heading, overflow="fold")
-        for line in grid.cells:
-            shown.add_row(*line)
-        console.print(shown, highlight=False, markup=False)
+        console.print(grid_table(grid), highlight=False, markup=False)
     for file in (*(file for one in done for file in one.files), *written):
         tell(str(file))
+
+
+def rows_table(done: Sequence[Done]) -> Table:
+    """Give all rows as a table for the terminal; its first column is what `rig papers` runs again."""
+    table = Table(box=None, padding=(0, 1), header_style="bold")
+    table.add_column(PREFIX.strip(), no_wrap=True)
+    table.add_column("quantity", overflow="fold", ratio=1)
+    for heading in ("printed", "obtained"):
+        table.add_column(heading, overflow="fold", width=LONGEST_NUMBER)
+    table.add_column("note", overflow="fold", ratio=1)
+    for one in done:
+        for row in one.outcome.rows:
+            _, _, *shown, again = cells(one, row)
+            table.add_row(again.removeprefix(PREFIX), *shown)
+    return table
+
+
+def grid_table(grid: Grid) -> Table:
+    """Give a table of numbers for the terminal: its headings may take several lines, its numbers stay whole."""
+    table = Table(title=grid.title, title_justify="left", box=None, padding=(0, 1), header_style="bold")
+    for number, heading in enumerate(grid.headings):
+        longest = max((len(line[number]) for line in grid.cells), default=0)
+        table.add_column(heading, overflow="fold", min_width=longest if number else None)
+    for line in grid.cells:
+        table.add_row(*line)
+    return table

@@ -2,6 +2,8 @@
 
 import math
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,14 +11,14 @@ from rich.console import Console
 from rich.table import Table
 
 from drivers.clock import Clock, RealClock
-from drivers.errors import ConfigError, LimitError, Mistake
+from drivers.errors import ConfigError, LimitError, Mistake, RigError, did_you_mean
 from procedures.intents import Measurement, Result
 from procedures.plan import PlannedRun, build_parameters
 from procedures.registry import PROCEDURES
 from rig.bench import Bench, FixtureLock
 from rig.config.bench import BenchFile, Lock, load_bench, naming_the_bench
+from rig.config.catalogue import doubts
 from rig.config.dut import Dut, default_dut, load_dut
-from rig.config.toml_file import did_you_mean
 from rig.log.load import load_run
 from rig.loop.model_file import Model
 from rig.loop.model_storage import load_model
@@ -33,6 +35,7 @@ from rig.session import (
     bench_facts,
     margin_table,
     plan_jobs,
+    run_count,
     run_jobs,
 )
 from rig.simulation import as_simulated, simulate
@@ -85,12 +88,14 @@ def run_command(names: tuple[str, ...], options: RunOptions, dry_run: bool) -> N
         )
     dut, dut_text = _dut(options.dut, model)
     if dry_run:
-        with naming_the_bench(options.bench):
+        with naming_the_bench(options.bench), _nothing_moves():
             _dry_run(jobs, bench_file, dut, model, options)
         return
     with naming_the_bench(options.bench), Stop().listening() as stop:
         bench, operator, backend, assumed = _make_bench(bench_file, dut, model, options)
         planned = planned_time(plan_jobs(bench_facts(bench, dut), jobs))
+        for line in doubts(dut):
+            tell(f"doubtful: {line}")
         for line in assumed:
             tell(f"assumed: {line}")
         tell(planned)
@@ -99,7 +104,7 @@ def run_command(names: tuple[str, ...], options: RunOptions, dry_run: bool) -> N
             while not consent():
                 stop.check("consent")
                 bench.clock.sleep_until(bench.clock.now() + 0.05)
-        watcher = _watcher(options.as_json)
+        watcher = Watcher() if options.as_json else _watcher(dry_run=False)
         provenance = Provenance(bench_text, dut_text, backend)
         records = run_jobs(Session(bench, dut, provenance, options.out, operator, stop, watcher), jobs)
     _report(records, options)
@@ -163,21 +168,40 @@ def _make_bench(
     return Bench(bench_file, clock, fixture), operator, "hardware", ()
 
 
+@contextmanager
+def _nothing_moves() -> Iterator[None]:
+    """Let an error of the dry run say so, in place of what the simulated drives confirmed and where the log was."""
+    try:
+        yield
+    except ConfigError:
+        raise
+    except RigError as error:
+        error.__notes__ = ["This was a dry run: no device was opened and nothing moved."]
+        error.facts = {name: value for name, value in error.facts.items() if name not in ("reaction", "confirmed")}
+        raise
+
+
 def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Model | None, options: RunOptions) -> None:
     """Run on a simulated copy of the bench against its limits; print phases, extremes, durations, assumptions."""
     stand_in = as_simulated(bench_file)
     with Stop().listening() as stop, tempfile.TemporaryDirectory() as folder:
         simulated = simulate(stand_in, dut, model, seed=options.seed)
-        tell(planned_time(plan_jobs(bench_facts(simulated.bench, dut), jobs)))
+        planned = planned_time(plan_jobs(bench_facts(simulated.bench, dut), jobs))
+        for line in doubts(dut):
+            tell(f"doubtful: {line}")
+        tell(planned)
         records: list[RunRecord] = []
         phases: dict[str, tuple[tuple[float, str], ...]] = {}
 
+        teller = Watcher() if options.as_json else _watcher(dry_run=True)
+
         def on_end(record: RunRecord) -> None:
+            teller.on_end(record)
             records.append(record)
             events = load_run(record.file).events
             phases[record.file.stem] = tuple((e.time, e.text) for e in events if e.kind == "phase")
 
-        watcher = Watcher(on_end=on_end)
+        watcher = Watcher(teller.on_run, teller.on_progress, on_end)
         try:
             session = Session(
                 simulated.bench, dut, Provenance("", "", "dry run"), Path(folder), SimulatedOperator(), stop, watcher
@@ -223,18 +247,26 @@ def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Mode
         told = ", ".join(f"{text} at {time:.1f}" for time, text in phases[record.file.stem])
         table.add_row(f"{record.procedure}-{record.name}", f"{record.outcome.duration:.1f}", told, extremes)
     Console().print(table)
-    tell(f"{len(records)} runs took {length(duration)} of bench time")
+    moves = sum(record.set_up for record in records)
+    tell(f"{counted(len(records) - moves, moves)} took {length(duration)} of bench time")
     for line in assumed:
         tell(f"assumed: {line}")
 
 
 def planned_time(plans: Plans) -> str:
     """Say how many runs there will be and how long they will take on the bench, set-up moves included."""
-    runs = sum(not run.set_up for _, plan in plans for run in plan)
+    runs = run_count(plans)
+    moves = sum(len(plan) for _, plan in plans) - runs
     seconds = [sum(run.duration for run in plan) for _, plan in plans]
     parts = ", ".join(f"{job.procedure.name} {length(s)}" for (job, _), s in zip(plans, seconds, strict=True))
     each = f" ({parts})" if len(plans) > 1 else ""
-    return f"Planned: {runs} run{'s' if runs != 1 else ''}, {length(sum(seconds))} of bench time{each}"
+    return f"Planned: {counted(runs, moves)}, {length(sum(seconds))} of bench time{each}"
+
+
+def counted(runs: int, moves: int) -> str:
+    """Give the number of runs and, where there are any, of moves that set the bench up for them."""
+    set_up = f" with {moves} set-up move{'s' if moves != 1 else ''}" if moves else ""
+    return f"{runs} run{'s' if runs != 1 else ''}{set_up}"
 
 
 def length(seconds: float) -> str:
@@ -247,7 +279,8 @@ def length(seconds: float) -> str:
 class _Teller:
     """Tells which run is under way and what it gave: in a line that changes, or line by line without a terminal."""
 
-    def __init__(self) -> None:
+    def __init__(self, dry_run: bool) -> None:
+        self._dry_run = dry_run
         self._console = Console(stderr=True)
         self._status = self._console.status("") if self._console.is_terminal else None
         self._run = ""
@@ -256,7 +289,8 @@ class _Teller:
 
     def on_run(self, procedure: str, planned: PlannedRun, number: int, of: int) -> None:
         """Name the run."""
-        self._run, self._duration, self._told = f"{procedure} {number}/{of}: {planned.name}", planned.duration, 0.0
+        place = f"before run {number}/{of}" if planned.set_up else f"run {number}/{of}"
+        self._run, self._duration, self._told = f"{procedure}, {place}: {planned.name}", planned.duration, 0.0
         if self._status is not None:
             self._status.start()
             self._status.update(self._run)
@@ -275,20 +309,18 @@ class _Teller:
             self._line(f"{self._run}, {progress.phase}, {progress.time:.0f} of about {self._duration:.0f} s")
 
     def on_end(self, record: RunRecord) -> None:
-        """Say how it ended and where its log is."""
+        """Say how it ended and where its log is; the log of a dry run is not kept."""
         if self._status is not None:
             self._status.stop()
-        if not record.set_up:
+        if not (record.set_up or self._dry_run):
             self._line(f"{record.outcome.status:8} {record.outcome.duration:7.1f} s  {record.file}")
 
     def _line(self, text: str) -> None:
         self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
-def _watcher(as_json: bool) -> Watcher:
-    if as_json:
-        return Watcher()
-    teller = _Teller()
+def _watcher(*, dry_run: bool) -> Watcher:
+    teller = _Teller(dry_run)
     return Watcher(teller.on_run, teller.on_progress, teller.on_end)
 
 

@@ -15,11 +15,11 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from drivers.devices import DeviceConfig
-from drivers.errors import ConfigError, Mistake
+from drivers.errors import ConfigError, Mistake, did_you_mean
 from drivers.registry import Kind, all_drivers
 from drivers.types import Limits
 from rig.config.dut import Positive
-from rig.config.toml_file import Conflict, FileModel, PlainValue, Quantity, Table, did_you_mean, parse_toml, read_text
+from rig.config.toml_file import Conflict, FileModel, PlainValue, Quantity, Table, parse_toml, read_text
 
 SIMULATED = "simulated"
 """Interface name of a device that the simulated bench provides."""
@@ -227,7 +227,7 @@ def _device_conflicts(role: str, device: Table) -> Iterator[Conflict]:
     drivers = all_drivers()
     entry = drivers.get(name) if name is not None else None
     if entry is None and name is not None:
-        yield Conflict((*path, "driver"), name, f"unknown; there are {', '.join(drivers)}")
+        yield Conflict((*path, "driver"), name, f"unknown{did_you_mean(name, drivers)}; there are {', '.join(drivers)}")
     elif entry is not None and kind is not None and entry.kind is not kind:
         yield Conflict((*path, "driver"), name, f"is a {entry.kind}, not a {kind}")
     allowed = SIGNED_SIGNALS.get(role)

@@ -1,10 +1,9 @@
 """Read a TOML file into a frozen model and report every mistake at once, with its path."""
 
-import difflib
 import math
 import re
 import tomllib
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 from pathlib import Path
@@ -22,7 +21,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from drivers.errors import ConfigError, Mistake
+from drivers.errors import ConfigError, Mistake, did_you_mean
 from rig.terminal import MAX_SHOWN, shortened
 
 MAX_BYTES = 1_000_000
@@ -151,12 +150,6 @@ def _bounds(part: Any) -> Iterator[tuple[str, float]]:
     else:
         for inner in get_args(part):
             yield from _bounds(inner)
-
-
-def did_you_mean(name: str, known: Collection[str]) -> str:
-    """Give ` (did you mean X?)` for a name close to a known one, else nothing."""
-    close = difflib.get_close_matches(name, known, n=1)
-    return f" (did you mean {close[0]}?)" if close else ""
 
 
 def read_text(path: Path) -> str:

@@ -24,12 +24,12 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
+from drivers.errors import did_you_mean
 from drivers.signals import AUXILIARY_PREFIX, BY_NAME, TIME
 from rig.config.toml_file import (
     Conflict,
     FileModel,
     Table,
-    did_you_mean,
     parse_toml,
     read_text,
     whole_number_is_a_number,

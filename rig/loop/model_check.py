@@ -7,9 +7,8 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 
-from drivers.errors import Mistake
+from drivers.errors import Mistake, did_you_mean
 from rig.config.catalogue import beyond_limits
-from rig.config.toml_file import did_you_mean
 from rig.loop.model_file import Model, ModelEffect, ModelEstimate
 from rig.loop.parameters import parameter_table
 from rig.loop.shapes import ShapeClass, named_effect

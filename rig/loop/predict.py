@@ -36,6 +36,35 @@ class Prediction:
     residual: Floats
     settling: NDArray[np.bool_]
 
+    @property
+    def rms(self) -> float:
+        """Give the rms of the residual over the samples that count, in `unit`."""
+        return float(np.sqrt(np.mean(np.square(self.residual[~self.settling]))))
+
+    @property
+    def share(self) -> float:
+        """Give the share of the run's samples that count."""
+        return float(np.mean(~self.settling))
+
+
+@dataclass(frozen=True, slots=True)
+class Remaining:
+    """What a model leaves of one equation of a run: rms of the residual, in `unit`, over a `share` of the samples."""
+
+    equation: str
+    unit: str
+    rms: float
+    share: float
+
+
+@dataclass(frozen=True, slots=True)
+class Predicted:
+    """One run that was predicted: its name, the file written, and what remains of each equation."""
+
+    run: str
+    file: Path
+    remaining: tuple[Remaining, ...]
+
 
 def model_of_file(model: ModelFile) -> Model:
     """Give the model that a file describes."""
@@ -97,8 +126,8 @@ def _evaluated(piece: Piece, model: Model) -> Evaluation:
     return evaluation
 
 
-def write_predictions(runs: Sequence[Run], model: ModelFile, folder: Path) -> tuple[Path, ...]:
-    """Write `<run>.csv` for every run; give the files. Raises DataError as `predict_run`."""
+def write_predictions(runs: Sequence[Run], model: ModelFile, folder: Path) -> tuple[Predicted, ...]:
+    """Write `<run>.csv` for every run; give the files with what remains. Raises DataError as `predict_run`."""
     writable_folder(folder)
     written = []
     for run in runs:
@@ -113,5 +142,6 @@ def write_predictions(runs: Sequence[Run], model: ModelFile, folder: Path) -> tu
             names.append(f"{item.column}_settling[1]")
         path = folder / f"{safe_name(run.name)}.csv"
         np.savetxt(path, np.column_stack(columns), fmt="%.10g", delimiter=",", header=",".join(names), comments="")
-        written.append(path)
+        remaining = tuple(Remaining(item.equation, item.unit, item.rms, item.share) for item in predictions)
+        written.append(Predicted(run.name, path, remaining))
     return tuple(written)

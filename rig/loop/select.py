@@ -8,7 +8,7 @@ every other class with 90 % of the pick's gain joins the set, and then the verdi
 
 import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -141,16 +141,25 @@ class _Accepted:
     fit: Fit
 
 
-def select(pieces: Sequence[Piece], base: Fit, alpha: float, known: Mapping[str, float]) -> Selection:
+def select(
+    pieces: Sequence[Piece],
+    base: Fit,
+    alpha: float,
+    known: Mapping[str, float],
+    on_stage: Callable[[str], None] = lambda _: None,
+) -> Selection:
     """Add terms to the base fit until nothing more passes. `alpha`: family-wise false-alarm probability a round.
 
-    `known`: parameters of effects that no fit estimates, by name (`ratio`, `torque_constant`, ...).
+    `known`: parameters of effects that no fit estimates, by name (`ratio`, `torque_constant`, ...). `on_stage` is told
+    what is being done.
     """
     current = base
     decisions: list[Decision] = []
     unadded: dict[tuple[str, int], Unadded] = {}
     left: tuple[Trial, ...] = ()
     while len(current.model.lines) < MOST_LINES:
+        count = len(current.model.lines) + len(current.model.shapes)
+        on_stage(f"trying every effect on what is left, {count} added so far")
         ground = prepare(current)
         lines = _candidates(ground, known)
         shapes = _shapes(ground, known, max((c.trial.gain for c in lines), default=0.0))
@@ -163,8 +172,10 @@ def select(pieces: Sequence[Piece], base: Fit, alpha: float, known: Mapping[str,
         if accepted is None:
             break
         decision, current = accepted
+        on_stage(f"added: {decision.kind.id}")
         if all(decision.kind != earlier.kind for earlier in decisions):
             decisions.append(decision)
+    on_stage("judging whether what was added must stay")
     current = withdraw(pieces, current, alpha)
     kept: set[TermClass | ShapeClass] = {line.kind for line in current.model.lines}
     kept |= {term.kind for term in current.model.shapes}

@@ -1,8 +1,11 @@
 """The table before/after, for the terminal and as plain text."""
 
+from collections.abc import Sequence
+
 from rich.table import Table
 
 from rig.loop.model_file import ModelBase, ModelEstimate
+from rig.loop.predict import Predicted
 from rig.loop.result import Errors, Estimate, LoopResult, NextExperiment, Open, Step
 from sim_backend.model.compliance import LAWS
 
@@ -19,6 +22,23 @@ def table_of(result: LoopResult) -> Table:
         table.add_column(title, justify="left" if number < 2 else "right", no_wrap=True)
     for row in rows_of(result):
         table.add_row(*row, style="" if row[0].startswith(" ") else "bold")
+    return table
+
+
+def remaining_table(predicted: Sequence[Predicted]) -> Table:
+    """Give what a model leaves of every equation of every run as a table for the terminal."""
+    table = Table(title="Residual of the model (rms)", title_justify="left", header_style="bold", box=None)
+    table.add_column("run", overflow="fold")
+    table.add_column("equation", no_wrap=True)
+    table.add_column("rms", justify="right", no_wrap=True)
+    table.add_column("unit", no_wrap=True)
+    table.add_column("samples", justify="right", no_wrap=True)
+    for one in predicted:
+        for item in one.remaining:
+            unit, scale = SCALES.get(item.unit, (item.unit, 1.0))
+            table.add_row(one.run, item.equation, f"{item.rms * scale:.4g}", unit, f"{100.0 * item.share:.0f} %")
+        if not one.remaining:
+            table.add_row(one.run, "none: the run allows no equation", "", "", "")
     return table
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from drivers.clock import Clock, RealClock
 from drivers.errors import DataError
+from rig.config.catalogue import doubts
 from rig.config.dut import Dut
 from rig.log.run import ProcedureName, Run
 from rig.loop.aliases import aliases, samplings
@@ -88,7 +89,8 @@ def trace(
             hint="Check the channels in the log, and the ratio in the device file.",
         )
     on_stage(f"fitting {len(campaign.train)} runs and searching what they leave ...")
-    base, selection, fastest = _selected(pieces, start, options.alpha, known_parameters(dut, ratio))
+    known = known_parameters(dut, ratio)
+    base, selection, fastest = _selected(pieces, start, options.alpha, known, on_stage)
     on_stage(f"{clock.now() - started:.0f} s: looking at the {len(campaign.held_out)} held-out runs")
     fastest = min(fastest, _known_speed(pieces, selection))
     final = selection.fit
@@ -198,7 +200,11 @@ def fit_base(pieces: Sequence[Piece], start: Model) -> Fit:
 
 
 def _selected(
-    pieces: Sequence[Piece], start: Model, alpha: float, known: Mapping[str, float]
+    pieces: Sequence[Piece],
+    start: Model,
+    alpha: float,
+    known: Mapping[str, float],
+    on_stage: Callable[[str], None],
 ) -> tuple[Fit, Selection, float]:
     """Fit and select; give the base fit, the selection, and the fastest leg (rad/s) whose torque was used.
 
@@ -206,7 +212,7 @@ def _selected(
     in the speed, not in the torque. The torque of the fastest legs is then left out, as far as it takes.
     """
     base = fit_base(pieces, start)
-    first = select(pieces, base, alpha, known)
+    first = select(pieces, base, alpha, known, on_stage)
     found, fastest = (base, first), math.inf
     speeds = sorted({abs(float(v)) for p in pieces if _runs_free(p) for v in np.unique(p.track.speed[p.index])})
     slower = [v for v in speeds if v < speeds[-1] / SAME_SPEED]
@@ -214,8 +220,9 @@ def _selected(
         limit = SAME_SPEED * slower.pop()
         slower = [v for v in slower if v < limit / SAME_SPEED**2]
         fewer = _up_to(pieces, limit)
+        on_stage(f"once more without the torque of legs faster than {limit:.4g} rad/s")
         base = fit_base(fewer, start)
-        found = (base, select(fewer, base, alpha, known))
+        found = (base, select(fewer, base, alpha, known, on_stage))
         if len(found[1].decisions) > len(first.decisions):
             return found[0], found[1], limit
     return (found[0], found[1], fastest) if found[1] is first else (fit_base(pieces, start), first, fastest)
@@ -362,6 +369,7 @@ def _remarks(tracks: Sequence[Track], runs: Sequence[Run], dut: Dut, model: Mode
         found.append(f"The device file gives no ratio; {ratio:.6g} was measured from both encoders.")
     if not any(run.replicate is not None for run in runs):
         found.append("No replicate runs: the floor is computed or unknown, and structure is judged by shape alone.")
+    found += [f"The device file is doubtful: {text}" for text in doubts(dut)]
     for name, catalogue, measured in _far_from_catalogue(dut, model):
         found.append(
             f"The device file's {name} ({catalogue:.4g} N*m) is {catalogue / measured:.2g} times what these runs show, "

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 
-from drivers.errors import ConfigError, Mistake
+from drivers.errors import ConfigError, Mistake, did_you_mean
 from rig.papers import both, castejon2009, zhang2014
 from rig.papers.item import Item, Row
 
@@ -22,10 +22,20 @@ def choose(names: Sequence[str], items: Sequence[Item] = ITEMS) -> tuple[Item, .
     """
     unknown = [name for name in names if not any(_names(name, item) for item in items)]
     if unknown:
-        papers = ", ".join(dict.fromkeys(item.paper for item in items))
-        known = ", ".join(f"{item.paper}/{_short(item.what)}" for item in items)
+        papers = list(dict.fromkeys(item.paper for item in items))
+        known = [f"{item.paper}/{_short(item.what)}" for item in items]
+        alone = [_short(item.what) for item in items]
         raise ConfigError(
-            "NAME", [Mistake("NAME", name[:60], f"expected one of {papers}, {known}") for name in unknown]
+            "NAME",
+            [
+                Mistake(
+                    "NAME",
+                    name[:60],
+                    f"unknown{did_you_mean(name, known if '/' in name else [*papers, *alone])}; "
+                    f"expected one of {', '.join([*papers, *known])}",
+                )
+                for name in unknown
+            ],
         )
     return tuple(item for item in items if not names or any(_names(name, item) for name in names))
 

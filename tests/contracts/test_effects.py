@@ -126,3 +126,24 @@ def test_base_terms_are_no_active_effects():
         if effect.enters is Enters.BASE:
             with pytest.raises(ModelError, match=f"{effect.id} is a term of the base model"):
                 Plant(WARM, [typical(effect)])
+
+
+@pytest.mark.parametrize("effect", CATALOGUE.values(), ids=CATALOGUE)
+@pytest.mark.parametrize("value", ["0.1", None, True, 1j, float("nan"), [1.0]])
+def test_what_is_no_number_is_refused_by_name_unit_range_and_equation(effect, value):
+    parameters = effect.parameters
+    for place, parameter in enumerate(parameters):
+        values = [p.typical for p in parameters]
+        with pytest.raises(ModelError) as refused:
+            ActiveEffect(effect, (*values[:place], value, *values[place + 1 :]))
+        told = str(refused.value)
+        assert told.startswith(f"{effect.id}: {parameter.name} = {value!r} ")
+        assert f"{parameter.low:g} to {parameter.high:g} {parameter.unit}; {effect.equation} needs it." in told
+
+
+@pytest.mark.parametrize("values", [None, 0.1, "0.1"])
+def test_values_that_are_no_tuple_are_refused_with_what_is_wanted(values):
+    with pytest.raises(ModelError, match=rf"cogging: values = {values!r} .* amplitude \(N\*m, 0 to .* needs them"):
+        ActiveEffect(CATALOGUE["cogging"], values)
+    with pytest.raises(ModelError, match=r"effect = 'cogging' .* an Effect"):
+        ActiveEffect("cogging", (0.1,))

@@ -53,6 +53,14 @@ def test_every_parameter_has_a_unit_a_range_that_holds_its_default_and_a_meaning
 
 
 @pytest.mark.parametrize("name", NAMES)
+def test_a_default_that_is_no_number_is_explained_in_the_words_of_its_column(name: str) -> None:
+    for info in parameter_table(PROCEDURES[name].parameters):
+        assert ("from dut: " in info.meaning) == (info.default is None), info.name
+        assert ("empty: " in info.meaning) == (info.default == ()), info.name
+        assert "from the bench" not in info.meaning
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_every_procedure_says_what_it_measures_and_what_an_abort_does(name: str) -> None:
     procedure = PROCEDURES[name]
     assert procedure.name == name

@@ -150,25 +150,37 @@ def test_the_planned_time_of_all_runs_is_told_before_they_start(tmp_path):
     plan = next(line for line in lines if line.startswith("Planned"))
     further = lines[lines.index(plan) + 1 :]
     planned = re.fullmatch(
-        r"Planned: (\d+) runs, (\d+) s of bench time \(locked-output (\d+) s, backdrive (\d+) s\)", plan
+        r"Planned: (\d+) runs with \d+ set-up moves?, (\d+) s of bench time "
+        r"\(locked-output (\d+) s, backdrive (\d+) s\)",
+        plan,
     )
     took = sum(float(line.split()[1]) for line in further if line.startswith("done"))
     assert int(planned[1]) == sum(line.startswith("done") for line in further) == 2
-    # set-up moves are planned, but not told as runs
+    numbers = [line.split(":")[0] for line in further if ", run " in line]
+    assert numbers == ["locked-output, run 1/2", "backdrive, run 2/2"]
     assert 0.8 * took < float(planned[2]) < 2 * took
     assert float(planned[2]) == pytest.approx(float(planned[3]) + float(planned[4]), abs=1.5)
 
 
 def test_a_dry_run_tells_the_planned_time_before_it_starts(tmp_path):
     answer = rig("run", "backdrive", *SHORT_BACKDRIVE, "--dry-run")
-    assert answer.stderr.startswith("Planned: 1 run, ")
+    assert answer.stderr.startswith("Planned: 1 run with 1 set-up move, ")
+    assert "\n1 run with 1 set-up move took " in answer.stderr
+
+
+def test_a_device_file_that_contradicts_itself_is_called_doubtful_before_it_is_run(tmp_path):
+    dut = tmp_path / "dut.toml"
+    dut.write_text(default_dut()[1].replace("T2 = 12.0", "T2 = 120.0"))
+    answer = rig("run", "locked-output", *SHORT_SWEEP, "--dut", dut, "--dry-run")
+    assert answer.exit_code == 0, answer.stderr
+    assert answer.stderr.startswith("doubtful: gear.T1 = 3.9 N*m, gear.T2 = 120 N*m: T2/rated_torque is 7.5, usually ")
 
 
 def test_without_a_terminal_a_long_run_tells_how_far_it_is(tmp_path):
     settings = ["backdrive.dwell=70", "backdrive.start_angles=1", "backdrive.repeats=1", "backdrive.amplitudes=0.2"]
     answer = rig("run", "backdrive", *(word for text in settings for word in ("--set", text)), "-o", tmp_path)
     assert answer.exit_code == 0, answer.stderr
-    lines = [line for line in answer.stderr.splitlines() if line.startswith("backdrive ")]
+    lines = [line for line in answer.stderr.splitlines() if line.startswith("backdrive, run 1/1: ")]
     assert len(lines) >= 2
     assert re.search(r"dwell, 60 of about \d+ s", lines[1])
 
@@ -246,7 +258,12 @@ def test_a_simulated_plant_that_is_lost_is_a_bench_fault_with_code_3_and_a_compl
     ("arguments", "words"),
     [
         (["run", "locked-outputs"], ["locked-outputs", "there are"]),
-        (["run", "free-run", "--set", "free-run.sped=3"], ["free-run.sped", "no such parameter"]),
+        (
+            ["run", "free-run", "--set", "free-run.sped=3"],
+            ["free-run.sped", "no such parameter (did you mean speeds?)"],
+        ),
+        (["loop", ".", "--compliance", "arctn"], ["expected one of arctan", "did you mean arctan?"]),
+        (["export", ".", "--to", "hdf"], ["expected one of hdf5", "did you mean hdf5?"]),
         (["run", "free-run", "--set", "free-run.dwell=-1"], ["free-run.dwell", "out of range"]),
         (["run", "free-run", "--set", "free-run.dwell=long"], ["free-run.dwell", "number"]),
         (["run", "free-run", "--set", "dwell=1"], ["PROCEDURE.NAME=VALUE"]),
@@ -289,6 +306,17 @@ def test_an_error_is_json_too_where_json_is_asked_for(arguments):
     error = json.loads(answer.stdout)["error"]
     assert error["exit_code"] == answer.exit_code
     assert error["message"] in answer.stderr
+
+
+def test_the_procedures_say_where_a_default_comes_from():
+    words = " ".join(rig("procedures").stdout.split())
+    for told in (
+        "torque_max from dut ",
+        "from dut: 4 starting torques",
+        "speeds empty ",
+        "Default 'from dut': worked out",
+    ):
+        assert told in words
 
 
 def test_without_a_command_there_is_help():
@@ -430,6 +458,22 @@ def test_a_signal_ends_a_run_safely_with_code_4_and_a_complete_log(tmp_path, sen
     assert run.complete
     assert run.metadata["outcome.status"] == "aborted"
     assert run.metadata["outcome.safe_state_confirmed"] == "true"
+
+
+def test_a_dry_run_that_is_stopped_says_that_nothing_moved():
+    process = subprocess.Popen(
+        [*PROGRAM, "run", "free-run", "--set", "free-run.dwell=600", "--dry-run"], stderr=subprocess.PIPE, text=True
+    )
+    assert process.stderr.readline().startswith("Planned: ")
+    assert process.stderr.readline().startswith("free-run, run 1/8: speed-1-repeat-1, ")
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 4, errors
+    told = errors.splitlines()[-1]
+    assert told.startswith("Aborted by SIGINT")
+    assert told.endswith(" This was a dry run: no device was opened and nothing moved.")
+    for alarming in ("Reaction", "confirmed", "CONFIRMED", ".mcap"):
+        assert alarming not in told
 
 
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])

@@ -26,6 +26,27 @@ def test_everything_is_printed_within_80_columns():
             assert f"usually {p.usual[0]:g} to {p.usual[1]:g}, typically {p.typical:g}: {p.meaning}" in words
 
 
+def summaries() -> dict[str, str]:
+    return {effect.id: effect.summary for effect in CATALOGUE.values()}
+
+
+def told_of_each(lines: list[str]) -> dict[str, str]:
+    return dict(line.strip().split(maxsplit=1) for line in lines if line.startswith("  "))
+
+
+def test_it_begins_with_a_line_for_each_effect():
+    lines = [line.rstrip() for line in effects(width=130).stdout.splitlines()]
+    overview = lines[: next(k for k, line in enumerate(lines) if line.startswith("BASE: "))]
+    assert told_of_each(overview) == summaries()
+
+
+def test_brief_is_these_lines_alone_and_keeps_them_whole_in_a_narrow_terminal():
+    lines = effects("--brief").stdout.splitlines()
+    assert told_of_each(lines) == summaries()
+    assert len(lines) <= len(CATALOGUE) + len(Enters) + 1
+    assert "lag(u" not in effects("creep", "--brief").stdout
+
+
 def test_effects_stand_below_where_they_enter():
     lines = [line.rstrip() for line in effects().stdout.splitlines()]
     headings = [next(k for k, line in enumerate(lines) if line.startswith(f"{str(e).upper()}: ")) for e in Enters]

@@ -973,3 +973,18 @@ def test_a_plant_that_is_lost_says_when_what_and_why_and_stands_where_it_stood(c
     ):
         assert words in str(lost)
     assert all(math.isfinite(value) for value in plant.read())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ((None,), r"config = None is not possible: a plant needs a PlantConfig"),
+        (("size 17",), r"config = 'size 17' is not possible"),
+        ((CONFIG, None), r"effects = None are not possible: they must be a sequence of ActiveEffect"),
+        ((CONFIG, (CATALOGUE["cogging"],)), r"effects\[0\] = Effect.* is not possible: it must be an ActiveEffect"),
+        ((CONFIG, ("cogging",)), r"effects\[0\] = 'cogging' is not possible"),
+    ],
+)
+def test_what_no_plant_can_be_made_of_is_refused_by_name(arguments, told):
+    with pytest.raises(ModelError, match=told):
+        Plant(*arguments)

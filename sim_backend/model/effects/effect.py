@@ -8,10 +8,11 @@ the base terms are in the plant in another form: the inverses of their springs, 
 
 import inspect
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
+from numbers import Real
 from types import MappingProxyType
 from typing import Protocol
 
@@ -167,18 +168,42 @@ class ActiveEffect:
     values: tuple[float, ...]
 
     def __post_init__(self) -> None:
+        _check_kinds(self.effect, self.values)
         missing = self.effect.parameters[len(self.values) :]
         if missing or len(self.values) > len(self.effect.parameters):
-            wanted = ", ".join(
-                f"{p.name} ({p.unit}, {p.low:g} to {p.high:g}: {p.meaning})" for p in missing or self.effect.parameters
-            )
+            wanted = ", ".join(map(_wanted, missing or self.effect.parameters))
             raise ModelError(
                 f"{self.effect.id}: {len(self.values)} values for {len(self.effect.parameters)} parameters; "
                 f"{'missing are' if missing else 'it takes'} {wanted}; {self.effect.equation} needs them."
             )
         for parameter, value in zip(self.effect.parameters, self.values, strict=True):
+            if not _is_number(value):
+                raise ModelError(
+                    f"{self.effect.id}: {parameter.name} = {value!r} is no number: it must be one from "
+                    f"{parameter.low:g} to {parameter.high:g} {parameter.unit}; {self.effect.equation} needs it."
+                )
             if not (math.isfinite(value) and parameter.low <= value <= parameter.high):
                 raise ModelError(
                     f"{self.effect.id}: {parameter.name} = {value!r} {parameter.unit} is outside "
                     f"{parameter.low:g} to {parameter.high:g} {parameter.unit}; {self.effect.equation} needs it."
                 )
+
+
+def _check_kinds(effect: object, values: object) -> None:
+    """Raise ModelError unless these are an effect and several values, whatever the values are."""
+    if not isinstance(effect, Effect):
+        raise ModelError(f"effect = {effect!r} is not possible: it must be an Effect, such as CATALOGUE['creep'].")
+    if not isinstance(values, Sequence) or isinstance(values, str):
+        raise ModelError(
+            f"{effect.id}: values = {values!r} are not possible: they must be a tuple with a number for each of "
+            f"{', '.join(map(_wanted, effect.parameters))}; {effect.equation} needs them."
+        )
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def _wanted(parameter: Parameter) -> str:
+    """Give a parameter as a message asks for it."""
+    return f"{parameter.name} ({parameter.unit}, {parameter.low:g} to {parameter.high:g}: {parameter.meaning})"

@@ -171,6 +171,39 @@ def test_what_a_model_file_lacks_of_its_law_comes_from_the_catalogue():
     assert (plant.config.flexspline, plant.config.drive.K_F0) == (None, 8e3)
 
 
+SOFTENING = DUT_TEXT.replace("K2 = 9.4e3", "K2 = 8e3")
+
+
+@pytest.mark.parametrize(
+    ("base", "values"),
+    [
+        ("zhang-2014-piecewise", {}),
+        ("zhang-2014-piecewise", {"K1": 8.4e3, "K2": 8e3, "K3": 9e3, "T1": 3.9, "T2": 12.0}),
+        ("zhang-2014-cubic", {"a1": 8.3e3, "a3": 0.0}),
+        ("zhang-2014", {"K_F0": 8e3, "C_F": 0.045}),
+    ],
+)
+def test_a_softening_catalogue_is_no_obstacle_to_a_law_that_takes_nothing_rising_from_it(base, values):
+    softening = dut(SOFTENING)
+    model = model_file(base, **values).model_copy(update={"dut": softening})
+    config = simulate(load_bench("sim")[0], softening, model, seed=1).plant.config
+    law = (config.drive.K_F0, config.drive.C_F) if base == "zhang-2014" else astuple(config.flexspline)
+    wanted = values or {"K1": 8.4e3, "K2": 8e3, "K3": 1.2e4, "T1": 3.9, "T2": 12.0}
+    assert law == tuple(wanted.values())
+
+
+@pytest.mark.parametrize("values", [{}, {"K_F0": 8e3}])
+def test_a_softening_catalogue_is_refused_where_the_arctan_must_come_from_it(values):
+    softening = dut(SOFTENING)
+    model = model_file("zhang-2014", **values).model_copy(update={"dut": softening})
+    with pytest.raises(ConfigError) as caught:
+        simulate(load_bench("sim")[0], softening, model, seed=1)
+    (mistake,) = caught.value.mistakes
+    assert (mistake.path, mistake.value) == ("gear.K1, gear.K2", "8400, 8000")
+    assert mistake.rule.startswith("K2 must be above 8400 and below ")
+    assert "N*m/rad; C_F = 2 sqrt((K2 - K1)/" in mistake.rule
+
+
 def test_the_law_is_the_bases_unless_another_one_is_asked_for():
     base = model_file("zhang-2014-cubic", a1=9e3, C_w=70.0)
     assert LoopOptions().law is Compliance.ARCTAN

@@ -6,14 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from drivers.errors import ConfigError
+from rig.config.dut import SHD_17_100
 from rig.loop.campaign import LoopOptions
 from rig.loop.model_storage import load_model, write_model
 from rig.loop.plot import plot_loop
 from rig.loop.predict import predict_run, write_predictions
 from rig.loop.result import LoopResult
-from rig.loop.table import text_of
+from rig.loop.table import remaining_table, text_of
 from rig.loop.trace import trace
 from tests.rig.loop.runs import dut, turning_run
 
@@ -27,6 +29,23 @@ def result() -> LoopResult:
 def test_a_model_file_comes_back_as_it_was_written(tmp_path: Path) -> None:
     write_model(result().model, tmp_path / "model.json")
     assert load_model(tmp_path / "model.json") == result().model
+
+
+def test_a_device_file_that_contradicts_itself_is_a_warning() -> None:
+    text = SHD_17_100.replace("T1 = 3.9", "T1 = 0.39")
+    runs = [turning_run("a", 0), turning_run("c", 2)]
+    warnings = trace(runs, dut(text), LoopOptions(held_out=("c",))).warnings
+    (told,) = (warning for warning in warnings if "doubtful" in warning)
+    assert "T1/K1 is 4.64e-05 rad, usually 0.00015 to 0.002 rad" in told
+    assert not any("doubtful" in warning for warning in result().warnings)
+
+
+def test_every_stage_of_the_loop_is_told() -> None:
+    stages: list[str] = []
+    runs = [turning_run("a", 0), turning_run("c", 2)]
+    trace(runs, dut(), LoopOptions(held_out=("c",)), on_stage=stages.append)
+    for told in ("fitting 1 runs", "trying every effect on what is left, 0 added", "judging whether what", "held-out"):
+        assert any(told in stage for stage in stages), told
 
 
 def test_the_dut_of_a_model_file_is_the_dut_it_was_fitted_with() -> None:
@@ -61,8 +80,8 @@ def test_the_predicted_motor_torque_does_not_depend_on_the_measured_one() -> Non
 
 
 def test_predictions_are_written_under_the_contract_names(tmp_path: Path) -> None:
-    (path,) = write_predictions([turning_run("d", 7)], result().model, tmp_path)
-    header = path.read_text().splitlines()[0].split(",")
+    (written,) = write_predictions([turning_run("d", 7)], result().model, tmp_path)
+    header = written.file.read_text().splitlines()[0].split(",")
     assert header[:5] == [
         "time[s]",
         "torsion_predicted[rad]",
@@ -70,6 +89,23 @@ def test_predictions_are_written_under_the_contract_names(tmp_path: Path) -> Non
         "motor_torque_predicted[N*m]",
         "motor_torque_residual[N*m]",
     ]
+
+
+def test_what_remains_of_each_equation_is_the_rms_of_the_file_s_own_samples_that_count(tmp_path: Path) -> None:
+    (written,) = write_predictions([turning_run("d", 7)], result().model, tmp_path)
+    columns = np.genfromtxt(written.file, delimiter=",", names=True, deletechars="")
+    torque = next(item for item in written.remaining if item.equation == "motor-torque")
+    counts = columns["motor_torque_settling[1]"] == 0.0
+    residual = columns["motor_torque_residual[N*m]"][counts]
+    assert torque.rms == pytest.approx(np.sqrt(np.mean(residual**2)), rel=1e-6)
+    assert torque.rms == pytest.approx(2e-4, rel=0.1)  # the white noise
+    assert torque.share == pytest.approx(np.mean(counts))
+    table = Console(width=100)
+    with table.capture() as printed:
+        table.print(remaining_table([written]))
+    row = next(line.split() for line in printed.get().splitlines() if "motor-torque" in line)
+    assert row[:2] == [written.run, "motor-torque"]
+    assert row[2:4] == [f"{torque.rms * 1e3:.4g}", "mN*m"]
 
 
 def test_the_table_gives_before_after_and_floor_of_every_equation() -> None:

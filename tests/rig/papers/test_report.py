@@ -3,12 +3,14 @@
 import json
 
 import pytest
+from rich.console import Console
 
 from drivers.errors import ConfigError
+from rig.commands.papers import grid_table, rows_table
 from rig.papers.figures import label, new_figure
 from rig.papers.item import Grid, Item, Outcome, Row, Workbench
 from rig.papers.registry import ITEMS, choose, command, file_name
-from rig.papers.report import cells, run_items, to_json, to_markdown, write_report
+from rig.papers.report import Done, cells, run_items, to_json, to_markdown, write_report
 
 
 def empty(_):
@@ -73,6 +75,13 @@ def test_the_names_in_the_refusal_are_names():
     assert [item for name in papers for item in choose([name])] == list(ITEMS)
 
 
+def test_a_misspelt_name_is_answered_with_one_that_is_near():
+    with pytest.raises(ConfigError, match=r"unknown \(did you mean castejon2009\?\)"):
+        choose(["casteon2009"])
+    with pytest.raises(ConfigError, match=r"unknown \(did you mean zhang2014/fig14"):
+        choose(["zang2014/fig14"])
+
+
 def test_a_row_s_command_names_its_own_part_of_the_item():
     *_, laws = SOME
     assert command(laws, Row("K", None, 1.0, item="eq. (33)")) == "rig papers two2002/eq33"
@@ -120,3 +129,24 @@ def test_figures_results_and_table_are_written(tmp_path):
     assert f"| `{again}` |" in table.read_text()
     assert "a \\| b" in table.read_text()
     assert "![An example](one2001-fig-1.png)" in table.read_text()
+
+
+LONG = "what stands beside a number and takes more room than a line of the table has left"
+
+
+@pytest.mark.parametrize("width", [80, 100, 120])
+def test_the_tables_keep_to_the_width_and_leave_every_number_and_command_whole(width):
+    numbers = (-1.234e-05, 0.0001943, 123400.0)
+    rows = tuple(Row(LONG, number, -number, "N*m/rad", LONG, f"eq. ({k + 26})") for k, number in enumerate(numbers))
+    heads = ("bench", *(f"model {k} with a long name, as printed" for k in range(4)))
+    grid = Grid("Errors", heads, ((LONG, *(f"12{k}.8 / 509" for k in range(4))),))
+    done = Done(Item("castejon2009", "eq. (26)-(40)", "", empty), Outcome(rows, {}, (grid,)), ())
+    console = Console(width=width)
+    with console.capture() as capture:
+        console.print(rows_table([done]), grid_table(grid), highlight=False, markup=False)
+    printed = capture.get()
+    assert max(map(len, printed.splitlines())) <= width
+    told = ["-1.234e-05", "1.234e-05", "0.0001943", "-0.0001943", "1.234e+05", "120.8 / 509"]
+    for text in (*told, "123.8 / 509", *(f"castejon2009/eq{k}" for k in (26, 27, 28))):
+        assert f" {text} " in printed, text
+    assert "…" not in printed
