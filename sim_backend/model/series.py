@@ -91,12 +91,12 @@ def slide_in_series(
     c: Constants,
 ) -> tuple[float, float, float, float, Series]:
     """Do what `rim.slide` does. Gives (slip rad, rim speed rad/s, T_F, T_w, series)."""
-    slip = guess
+    slip, accuracy = guess, COARSE
     low, high = -math.inf, math.inf
     rate = T_F = T_w = 0.0
     for _ in range(100):
         rate = rate_weight * slip - rate_offset
-        series, miss = wind(flexspline_base - rim - slip, COARSE, series, now, state, effect_parameters, c)
+        series, miss = wind(flexspline_base - rim - slip, accuracy, series, now, state, effect_parameters, c)
         T_w, K_w = coupled_torque(-motor_position - c.ratio * (rim + slip), effect_parameters, c)
         T_F = series.torque + c.flexspline_damping * (flexspline_rate - rate)
         T_w -= c.wave_generator_damping * (motor_velocity + c.ratio * rate)
@@ -104,7 +104,11 @@ def slide_in_series(
         fall_F = series.stiffness + c.flexspline_damping * rate_weight
         fall_w = c.ratio * (K_w + c.wave_generator_damping * rate_weight)
         correction = residual / (fall_F + c.ratio * fall_w + c.rim_damping * rate_weight)
-        if abs(residual) <= c.near and miss <= ACCURACY:
+        if abs(residual) <= c.near and miss > ACCURACY:
+            # the slip is good but for its series: a correction may be too small to be one, and is no step of a bracket
+            slip, accuracy = slip + correction, ACCURACY
+            continue
+        if abs(residual) <= c.near:
             T_F -= fall_F * correction
             fall = series.stiffness * correction
             give = series.compliance * fall

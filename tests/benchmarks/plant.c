@@ -575,10 +575,13 @@ SOLVER struct rim slide(double direction, double guess, double rate_weight, doub
                                struct ends *e, const struct constants *c) {
     struct rim r = {.slip = guess};
     double low = -INFINITY, high = INFINITY;
+#ifdef SERIES
+    double accuracy = 1e-4;
+#endif
     for (int trial = 0; trial < 100; trial++) {
         r.rate = rate_weight * r.slip - rate_offset;
 #ifdef SERIES
-        double miss = wind(e->base - e->rim - r.slip, 1e-4, e, c);
+        double miss = wind(e->base - e->rim - r.slip, accuracy, e, c);
         struct spring f = {e->series.torque, e->series.stiffness};
 #else
         struct spring f = flexspline(e->base - e->rim - r.slip, c);
@@ -591,7 +594,12 @@ SOLVER struct rim slide(double direction, double guess, double rate_weight, doub
         double fall_w = c->ratio * (w.stiffness + c->wave_generator_damping * rate_weight);
         double correction = residual / (fall_F + c->ratio * fall_w + c->rim_damping * rate_weight);
 #ifdef SERIES
-        if (fabs(residual) <= c->near && miss <= 1e-6) {
+        if (fabs(residual) <= c->near && miss > 1e-6) {
+            r.slip += correction;
+            accuracy = 1e-6;
+            continue;
+        }
+        if (fabs(residual) <= c->near) {
             struct series *s = &e->series;
             double fall = s->stiffness * correction, give = s->compliance * fall;
             s->torsion -= correction - give;
