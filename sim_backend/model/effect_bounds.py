@@ -6,17 +6,17 @@ compliance; and the motor's drive, which regulates what it reads, must be able t
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import astuple
-
-import numpy as np
 
 from sim_backend.errors import ModelError
-from sim_backend.model.compliance import LAWS
 from sim_backend.model.effects import ActiveEffect
 from sim_backend.model.parameters import PlantConfig
 
 STIFFNESS_APART = 2.0
 """Factor by which the stiffness that an effect is given may differ from that of the drive's flexspline at rest."""
+
+LEAST_COMPLIANCE = 0.1
+"""Part of the compliance at the flexspline's largest stiffness that effects must leave: the solution of what lies in
+series with the flexspline counts on it."""
 
 MOST_CONSTANT_ERROR = 0.5
 """Largest sum of errors of the torque constant. The drive reads with the torque of the tick before, so that its torque
@@ -58,39 +58,39 @@ def _check_known(effects: Sequence[ActiveEffect], config: PlantConfig) -> None:
 
 
 def _check_compliance(effects: Sequence[ActiveEffect], config: PlantConfig) -> None:
-    """Raise ModelError unless warming and modulation leave a compliance above that of the stiffness cap.
+    """Raise ModelError unless warming and modulation leave a compliance that the step can take at whatever torque.
 
-    With less the flexspline would be stiffer than the step was checked for; with none it would push where it is pulled.
-    It is stiffest at the largest torque, taken to be that of the motor's rated torque. A jolt goes beyond it; what the
-    plant cannot compute then, it says.
+    A jolt bends the flexspline up to its largest stiffness K. Of 1/K, times what warming leaves, less all modulations,
+    there must remain LEAST_COMPLIANCE of 1/K, or more where the step needs it: with none left the flexspline would push
+    where it is pulled.
     """
-    torque = config.drive.ratio * config.motor_rated_torque
-    stiffness = _stiffness(config, torque)
-    least = stiffness / config.flexspline_stiffness_cap
+    stiffness = config.largest_stiffness
+    least = max(LEAST_COMPLIANCE / stiffness, 1.0 / config.stiffness_for_step)
     warming = list(_of(effects, "temperature-dependent-stiffness"))
     left = {
         temperature: 1.0 + sum(values["amplitude"] * (temperature - values["reference"]) for _, values in warming)
         for temperature in (config.temperature, config.ambient_temperature)
     }
-    temperature, compliance = min(left.items(), key=lambda item: item[1])
-    if warming and compliance <= least:
+    temperature, share = min(left.items(), key=lambda item: item[1])
+    if warming and share <= least * stiffness:
         active, values = min(warming, key=lambda item: item[1]["amplitude"] * (temperature - item[1]["reference"]))
         raise ModelError(
             f"{active.effect.id}: amplitude = {values['amplitude']!r} 1/K with reference = {values['reference']:g} "
-            f"degC leaves {compliance:.4g} of the flexspline's compliance at {temperature:g} degC; it must be above "
-            f"{least:.4g}, the stiffness of {stiffness:.4g} N*m/rad at {torque:.4g} N*m over flexspline_stiffness_cap; "
-            f"{active.effect.equation} needs it."
+            f"degC leaves {share:.4g} of the flexspline's compliance at {temperature:g} degC; it must be above "
+            f"{least * stiffness:.4g}, which step = {config.step:g} s and the solution need at {stiffness:.6g} "
+            f"N*m/rad, the largest stiffness that a jolt reaches; {active.effect.equation} needs it."
         )
-    most = compliance / stiffness - 1.0 / config.flexspline_stiffness_cap
+    most = max(share / stiffness - least, 0.0)
     total = 0.0
     for active, values in _of(effects, "stiffness-modulation"):
         total += values["amplitude"]
-        if total > max(most, 0.0):
+        if total > most:
             raise ModelError(
                 f"{active.effect.id}: amplitude = {values['amplitude']!r} rad/(N*m) is not possible: all such "
                 f"amplitudes together must be at most {most:.4g} rad/(N*m) here (1/K_F = {1.0 / stiffness:.4g} "
-                f"rad/(N*m) at {torque:.4g} N*m, less what warming and flexspline_stiffness_cap take), or the "
-                f"flexspline would push where it is pulled; {active.effect.equation} needs it."
+                f"rad/(N*m) at the largest stiffness that a jolt reaches, of which warming leaves {share:.4g} and step "
+                f"= {config.step:g} s needs {least:.4g}), or the flexspline would push where it is pulled; "
+                f"{active.effect.equation} needs it. Make it smaller, or flexspline_stiffness_cap lower."
             )
 
 
@@ -117,14 +117,6 @@ def _check_torque_constant(effects: Sequence[ActiveEffect], config: PlantConfig)
                 f"be at most 1/(3 i^2) = {most:.4g} 1/A^2 at the rated current i = {current:.4g} A, or the torque "
                 f"falls with the current; {active.effect.equation} needs it."
             )
-
-
-def _stiffness(config: PlantConfig, torque: float) -> float:
-    """Give the largest stiffness (N*m/rad) that the flexspline has up to a torque (N*m), below its cap."""
-    drive = config.drive
-    parameters = (drive.K_F0, drive.C_F) if config.flexspline is None else astuple(config.flexspline)
-    local = LAWS[config.law].stiffness(np.linspace(0.0, torque, 65), *parameters)
-    return min(float(np.max(local)), config.flexspline_stiffness_cap)
 
 
 def _of(effects: Sequence[ActiveEffect], effect: str) -> Iterator[tuple[ActiveEffect, dict[str, float]]]:

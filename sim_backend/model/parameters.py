@@ -110,7 +110,8 @@ class PlantConfig:
     and so does `output_viscous_friction` (N*m*s) at the output.
     `output_inertia` includes arm and load motor. The damping of the springs is structural: the rotor on the
     sticking rim rings at 34 Hz with a damping ratio of about 0.15. Both springs go on in a straight line above their
-    stiffness caps (at 1000 N*m/rad the torsion differs by 0.4 urad rms from equation (28)).
+    stiffness caps (at 1000 N*m/rad the torsion differs by 0.4 urad rms from equation (28); a flexspline of size 17
+    reaches its cap at 65 N*m, and its gear ratchets at 160). Energy is kept at any torque, but nothing ratchets.
     `flexspline`: another law of the flexspline in place of the drive's own (24).
     `torque_constant` (N*m/A) is the one that the motor's drive believes in.
     Gear housing and motor are one thermal node each between their heat and `ambient_temperature` (degC): heat capacity
@@ -132,7 +133,7 @@ class PlantConfig:
     wave_generator_damping: float = 1.9e-3
     flexspline_damping: float = 0.2
     wave_generator_stiffness_cap: float = 1000.0
-    flexspline_stiffness_cap: float = 1e5
+    flexspline_stiffness_cap: float = 8e4
     fixture_stiffness: float = 2e5
     fixture_damping: float = 1.0
     torque_constant: float = 0.321
@@ -172,8 +173,8 @@ class PlantConfig:
         ticks = self.loop_period / self.step
         if round(ticks) < 1 or not math.isclose(ticks, round(ticks), rel_tol=1e-9):
             raise ModelError(
-                f"loop_period = {self.loop_period:g} s must be a whole multiple of step = {self.step:g} s, "
-                f"it is {ticks:g} steps."
+                f"step = {self.step:g} s: loop_period = {self.loop_period:g} s must be a whole multiple of it, it is "
+                f"{ticks:g} steps; the drive loops, which act once in a loop_period at the start of a step, need it."
             )
         self._check_step()
 
@@ -223,14 +224,16 @@ class PlantConfig:
         if self.step <= min(on_springs, damped):
             return
         if on_springs <= damped:
-            cause, remedy = "on its springs", "lower stiffness caps"
+            cause, remedy = f"on its springs of {stiffness:g} N*m/rad", "lower stiffness caps"
+            rule = "h^2 K/J <= 1 (stable up to 4)"
         else:
+            rule = f"h d/J + h^2 K/(4 J) <= {DAMPING_SHARE:g} (stable up to 1)"
             named = ", ".join(f"{name} = {getattr(self, name):g}" for name in dampers if getattr(self, name) > 0.0)
             cause, remedy = f"with its dampers ({named} N*m*s/rad)", "less damping"
         raise ModelError(
             f"step = {self.step:g} s is too long for the {body} inertia of {inertia:g} kg*m^2 {cause}: "
-            f"at most {min(on_springs, damped):.4g} s. Use a shorter step (loop_period must stay a whole multiple), "
-            f"a larger {body} inertia or {remedy}."
+            f"at most {min(on_springs, damped):.4g} s; velocity Verlet needs {rule}. Use a shorter step "
+            f"(loop_period must stay a whole multiple), a larger {body} inertia or {remedy}."
         )
 
     @property
@@ -254,6 +257,24 @@ class PlantConfig:
                 return a1
             case Piecewise(K1):
                 return K1
+
+    @property
+    def largest_stiffness(self) -> float:
+        """The largest stiffness that the flexspline reaches at whatever torque, N*m/rad, after its own law."""
+        match self.flexspline:
+            case None:
+                return self.flexspline_stiffness_cap
+            case Cubic(a1, a3):
+                return self.flexspline_stiffness_cap if a3 > 0.0 else a1
+            case Piecewise(K1, K2, K3):
+                return max(K1, K2, K3)
+
+    @property
+    def stiffness_for_step(self) -> float:
+        """The largest stiffness that a flexspline may have on the output for the step, N*m/rad, beside the fixture."""
+        damping = self.output_viscous_friction + self.flexspline_damping + self.fixture_damping
+        share = min(1.0, 4.0 * (DAMPING_SHARE - self.step * damping / self.output_inertia))
+        return share * self.output_inertia / self.step**2 - self.fixture_stiffness
 
     @property
     def motor_inertia(self) -> float:

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from sim_backend.errors import ModelError
-from sim_backend.model.effects import CATALOGUE, ActiveEffect
+from sim_backend.model.effects import CATALOGUE, ActiveEffect, Enters
 from sim_backend.model.parameters import Cubic, Piecewise
 from sim_backend.plant import Plant
 from sim_backend.ports import AxisMode
-from tests.sim_backend.test_plant import CONFIG, DRIVE, SILENT
+from tests.sim_backend.test_plant import CONFIG, SILENT
 
 
 def active(effect: str, **values: float) -> ActiveEffect:
@@ -39,17 +39,18 @@ def balance(plant: Plant) -> float:
 # ---- what is left of the flexspline's compliance
 
 
-RATED = 100.0 * CONFIG.motor_rated_torque
-"""N*m at the output, where the arctan law is 1 + (C_F T)^2 times as stiff as at rest."""
-STIFFEST = DRIVE.K_F0 * (1.0 + (DRIVE.C_F * RATED) ** 2)
-MOST_MODULATION = 1.0 / STIFFEST - 1.0 / CONFIG.flexspline_stiffness_cap
+CAP = CONFIG.flexspline_stiffness_cap
+FOR_STEP = CONFIG.output_inertia / CONFIG.step**2 - CONFIG.fixture_stiffness
+"""N*m/rad: K with h^2 (K + K_fix)/J = 1."""
+MOST_MODULATION = 0.9 / CAP
 
 
 def test_a_modulation_that_would_turn_the_flexspline_round_is_refused_with_the_bound_of_this_drive():
     with pytest.raises(
         ModelError,
         match=rf"stiffness-modulation: amplitude = 0.0002 rad/\(N\*m\) .* at most {MOST_MODULATION:.4g} .* "
-        rf"\(1/K_F = {1.0 / STIFFEST:.4g} .* at 18.8 N\*m, .*; torsion \+= amplitude \* output_torque \* sin",
+        rf"\(1/K_F = {1.0 / CAP:.4g} .* that a jolt reaches, .*; torsion \+= amplitude \* output_torque \* sin"
+        r".* needs it. Make it smaller, or flexspline_stiffness_cap lower.",
     ):
         Plant(CONFIG, [active("stiffness-modulation", amplitude=2e-4)])
     # two of them add up
@@ -61,7 +62,7 @@ def test_a_modulation_that_would_turn_the_flexspline_round_is_refused_with_the_b
 
 @pytest.mark.parametrize("law", [Cubic(2e4, 0.0), Piecewise(8.4e3, 2e4, 9.4e3, 3.9, 12.0)], ids=["cubic", "piecewise"])
 def test_the_bound_is_that_of_the_law_that_the_flexspline_has(law):
-    with pytest.raises(ModelError, match=r"must be at most 4e-05 rad/\(N\*m\)"):
+    with pytest.raises(ModelError, match=r"must be at most 4.5e-05 rad/\(N\*m\)"):
         Plant(dataclasses.replace(CONFIG, flexspline=law), [active("stiffness-modulation", amplitude=5e-5)])
 
 
@@ -74,13 +75,33 @@ def test_a_temperature_at_which_no_compliance_would_be_left_is_refused(amplitude
     with pytest.raises(
         ModelError,
         match=rf"temperature-dependent-stiffness: amplitude = {amplitude!r} 1/K with reference = {reference:g} degC "
-        rf"leaves .* at {at:g} degC; it must be above {STIFFEST / 1e5:.4g}, the stiffness of",
+        rf"leaves .* at {at:g} degC; it must be above 0.1, which step = 2e-05 s and the solution need at {CAP:g} N",
     ):
         Plant(warm, [active("temperature-dependent-stiffness", amplitude=amplitude, reference=reference)])
 
 
+def test_a_stiff_flexspline_leaves_less_to_a_modulation_where_the_step_needs_more():
+    lighter = dataclasses.replace(CONFIG, output_inertia=3e-4)
+    most = 1.0 / CAP - 1.0 / (3e-4 / CONFIG.step**2 - CONFIG.fixture_stiffness)
+    assert most < MOST_MODULATION
+    with pytest.raises(ModelError, match=rf"at most {most:.4g} rad"):
+        Plant(lighter, [active("stiffness-modulation", amplitude=1.001 * most)])
+    Plant(lighter, [active("stiffness-modulation", amplitude=0.999 * most)])
+    assert CONFIG.stiffness_for_step == pytest.approx(FOR_STEP)
+
+
+@pytest.mark.parametrize("effect", CATALOGUE.values(), ids=CATALOGUE)
+def test_an_effect_may_have_every_value_of_its_usual_range(effect):
+    if effect.enters is Enters.BASE:
+        return
+    of_the_bench = ("ratio", "torque_constant", "stiffness", "encoder_counts")
+    for end in (0, 1):
+        values = [p.typical if p.name in of_the_bench else p.usual[end] for p in effect.parameters]
+        Plant(CONFIG, [ActiveEffect(effect, tuple(values))])
+
+
 def test_just_inside_these_bounds_the_plant_is_sound_at_the_rated_torque():
-    least = 1.001 * STIFFEST / CONFIG.flexspline_stiffness_cap
+    least = 0.1001
     for effects in (
         *([active("stiffness-modulation", amplitude=0.999 * MOST_MODULATION, phase=p)] for p in (0.0, 1.6, 3.1, 4.7)),
         [active("temperature-dependent-stiffness", amplitude=-0.1 * (1.0 - least), reference=15.0)],
