@@ -11,10 +11,10 @@ shaft; at rest T_w = -motor_torque. The motor's drive regulates what it reads: i
 believes in, which differs from the shaft's by the error of the reading. Errors of readings are those of the last tick
 of the drive loops. Sense `opposed`. Scalar code that numba compiles.
 
-Over a step a bent spring does the work of its secant, not that of the mean of its two ends. Where the wave generator's
-torque changes fast (`STEEP`) both bodies get the difference as a push at the end of the step, so that a jolt neither
-makes nor loses energy. The energy account takes every force at both ends of a step times the travel between them, as
-the step itself does, and the drives' torque times the mean of both speeds.
+Over a step the two ends of a bent spring's torque do not do the work that it stores. Where a torque changes fast
+(`STEEP`) the difference is owed, and both bodies pay it with one factor on their speeds, so that a jolt neither makes
+nor loses energy, whatever the springs are bent over in a step. The energy account takes every force at both ends of a
+step times the travel between them, as the step itself does, and the drives' torque times the mean of both speeds.
 """
 
 import math
@@ -96,11 +96,12 @@ from sim_backend.model.springs import flexspline_energy, wave_generator_energy
     GEAR_TEMPERATURE,
     WINDING_TEMPERATURE,
     HEAT_BEFORE,
+    OWED,
     WORK,
     DISSIPATED,
     EFFECT_WORK,
     STATE_SIZE,
-) = range(54)
+) = range(55)
 """Places in the state array; the effects' memory follows. SHOWN_TORQUE is what the motor's drive believes in.
 
 The last three are the energy account, J: work of both drives, heat, work on effects.
@@ -121,7 +122,10 @@ The last three are the energy account, J: work of both drives, heat, work on eff
 
 
 STEEP = 1500.0
-"""1/s: rate of the wave generator's torque, times C_w, beyond which its spring bends too much within a step."""
+"""1/s: rate of a spring's torque, times C_w or C_F, beyond which it bends too much within a step."""
+
+PAYABLE = 0.5
+"""Part of the kinetic energy that may be paid at once; what is owed beyond it waits until the bodies are faster."""
 
 
 def brake(velocity: float, loss: float) -> float:
@@ -131,23 +135,17 @@ def brake(velocity: float, loss: float) -> float:
     return math.copysign(max(abs(velocity) - loss, 0.0), velocity)
 
 
-def excess(stored: float, travel: float, first: float, last: float) -> float:
-    """Give by how much a spring's mean torque over its `travel` (rad) exceeds the mean of the `first` and the `last`.
-
-    `stored`: energy that it took up, J.
-    """
-    return 0.0 if travel == 0.0 else stored / travel - 0.5 * (first + last)
+def missed(stored: float, travel: float, first: float, last: float) -> float:
+    """Give the energy (J) that a spring `stored` beyond the work of its `first` and `last` torque over its `travel`."""
+    return stored - 0.5 * (first + last) * travel
 
 
-def worked(push: float, middle: float, end: float) -> float:
-    """Give the push (rad/s) at the end of a step that does the work of a `push` spread over it.
-
-    `middle`, `end`: speeds in the middle of the step and at its end before the push, the drive's last kick left out.
-    """
-    if push == 0.0:
-        return 0.0
-    end += 0.5 * push
-    return push * max(middle / end, 0.0) if abs(end) > 0.5 * abs(middle) else push
+def paying(owed: float, motor_velocity: float, output_velocity: float, c: Constants) -> float:
+    """Give the factor on both speeds (rad/s) that takes the `owed` energy (J) out of the bodies; 1 if they cannot."""
+    kinetic = 0.5 * (
+        c.motor_inertia * motor_velocity * motor_velocity + c.output_inertia * output_velocity * output_velocity
+    )
+    return math.sqrt(1.0 - owed / kinetic) if abs(owed) < PAYABLE * kinetic else 1.0
 
 
 def signals_at(
@@ -250,7 +248,7 @@ def advance(
     torsion, wound = theta_o - error - rim - series.angle, theta_m + c.ratio * rim + gap
     wait, motor_command, load_command = s[LOOP_WAIT], s[MOTOR_COMMAND], s[LOAD_COMMAND]
     motor_integral, load_integral = s[MOTOR_INTEGRAL], s[LOAD_INTEGRAL]
-    work, dissipated, effect_work = s[WORK], s[DISSIPATED], s[EFFECT_WORK]
+    owed, work, dissipated, effect_work = s[OWED], s[WORK], s[DISSIPATED], s[EFFECT_WORK]
     locked, lock_position = inputs[LOCKED], inputs[LOCK_POSITION]
     h = c.step
     half_m, half_o = 0.5 * h / c.motor_inertia, 0.5 * h / c.output_inertia
@@ -314,12 +312,11 @@ def advance(
         if COUPLED:
             gap = coupling_angle(elastic, effect_parameters, c)
         last_wound, wound = wound, theta_m + c.ratio * rim + gap
-        excess_F = excess_w = 0.0
-        if abs(elastic - last_elastic) * c.C_w > STEEP * h:
+        if abs(elastic - last_elastic) * c.C_w > STEEP * h or abs(T_F - last_T_F) * c.C_F > STEEP * h:
             stored = flexspline_energy(torsion, c) - flexspline_energy(last_torsion, c)
-            excess_F = excess(stored, torsion - last_torsion, last_T_F - last_damper_F, T_F - damper_F)
+            owed += missed(stored, torsion - last_torsion, last_T_F - last_damper_F, T_F - damper_F)
             stored = wave_generator_energy(wound, c) - wave_generator_energy(last_wound, c)
-            excess_w = -excess(stored, wound - last_wound, -last_elastic, -elastic)
+            owed += missed(stored, wound - last_wound, -last_elastic, -elastic)
         last_pull, pull = pull, T_F * open_slope
         motor_force = T_w + T_F * slope
         if SERIES:
@@ -335,8 +332,6 @@ def advance(
         last_m, last_o = omega_m, omega_o
         omega_m = brake(middle_m + half_m * (motor_drive + motor_force), rotor_loss)
         omega_o = middle_o + half_o * (load_drive + fixture + output_force)
-        omega_m += worked(2.0 * half_m * (excess_w + excess_F * slope), middle_m, omega_m - half_m * motor_drive)
-        omega_o += worked(-2.0 * half_o * excess_F, middle_o, omega_o - half_o * load_drive)
 
         motor_travel, output_travel = h * middle_m, h * middle_o
         flexspline_travel = output_travel - (error - last_error) - slip
@@ -345,13 +340,11 @@ def advance(
         effect_work += 0.5 * (
             (motor_extra + last_motor_extra) * motor_travel + (output_extra + last_output_extra) * output_travel
         )
-        effect_work += (0.5 * (T_F + last_T_F) + excess_F) * open_change
-        effect_work -= (0.5 * (pull + last_pull) + excess_F * open_slope) * motor_travel
+        effect_work += 0.5 * ((T_F + last_T_F) * open_change - (pull + last_pull) * motor_travel)
         if SERIES:
-            mean_torque = 0.5 * (series.torque + last_series.torque) + excess_F
-            effect_work += mean_torque * (series.angle - last_series.angle)
+            effect_work += 0.5 * (series.torque + last_series.torque) * (series.angle - last_series.angle)
         if COUPLED:
-            effect_work += (0.5 * (elastic + last_elastic) + excess_w) * (gap - last_gap)
+            effect_work += 0.5 * (elastic + last_elastic) * (gap - last_gap)
         last_rim_force, rim_force = rim_force, T_F + c.ratio * T_w
         if slip != 0.0:
             rim_force = level * math.copysign(1.0, slip) + c.rim_damping * rim_rate
@@ -360,13 +353,17 @@ def advance(
         damper_o = c.output_viscous_friction * next_o
         damper_l = locked * c.fixture_damping * next_o
         dissipated += 0.5 * (
-            (last_rim_force + rim_force + 2.0 * (excess_F + c.ratio * excess_w)) * slip
+            (last_rim_force + rim_force) * slip
             + (last_damper_F + damper_F) * flexspline_travel
             + (last_damper_w + damper_w) * wave_generator_travel
             + (last_damper_m + damper_m) * motor_travel
             + (last_damper_o + damper_o + last_l + damper_l) * output_travel
             + c.rotor_friction * h * abs(last_m + omega_m)
         )
+        if owed != 0.0:
+            share = paying(owed, omega_m, omega_o, c)
+            if share != 1.0:
+                omega_m, omega_o, owed = share * omega_m, share * omega_o, 0.0
         if READINGS and wait <= 0.0:
             now = signals_at(time, theta_m, omega_m, motor_torque, shown_torque, theta_o, omega_o, locked, s, c)
             read_errors(now, output_torque, torsion, c.loop_period, s, effect_parameters)
@@ -389,7 +386,7 @@ def advance(
     s[MOTOR_EFFECTS], s[OUTPUT_EFFECTS] = motor_extra, output_extra
     s[LOOP_WAIT], s[MOTOR_COMMAND], s[LOAD_COMMAND] = wait, motor_command, load_command
     s[MOTOR_INTEGRAL], s[LOAD_INTEGRAL] = motor_integral, load_integral
-    s[WORK], s[DISSIPATED], s[EFFECT_WORK] = work, dissipated, effect_work
+    s[OWED], s[WORK], s[DISSIPATED], s[EFFECT_WORK] = owed, work, dissipated, effect_work
 
 
 def change_lock(

@@ -473,17 +473,9 @@ static double wave_generator_energy(double windup, const struct constants *c) {
     return energy + straight * (c->wave_generator_knee_torque + 0.5 * c->wave_generator_cap * straight);
 }
 
-/* By how much a spring's mean torque over its travel exceeds the mean of the first and the last. */
-static inline double excess(double stored, double travel, double first, double last) {
-    return travel == 0.0 ? 0.0 : stored / travel - 0.5 * (first + last);
-}
-
-/* The push at the end of a step that does the work of one spread over it. */
-static inline double worked(double push, double middle, double end) {
-    if (push == 0.0)
-        return 0.0;
-    end += 0.5 * push;
-    return fabs(end) > 0.5 * fabs(middle) ? push * fmax(middle / end, 0.0) : push;
+/* What a spring stored beyond the work of its first and last torque over its travel. */
+static inline double missed(double stored, double travel, double first, double last) {
+    return stored - 0.5 * (first + last) * travel;
 }
 
 #ifdef COUPLED
@@ -695,10 +687,22 @@ static void warm_up(struct state *s, double current, const struct constants *c) 
     s->winding_temperature += c->motor_settling * (winding_end - s->winding_temperature);
 }
 
-#define STEEP 1500.0 /* 1/s: rate of the wave generator's torque, times C_w, beyond which a step is bent */
+#define STEEP 1500.0 /* 1/s: rate of a spring's torque, times C_w or C_F, beyond which a step is bent */
 
 static inline double brake(double velocity, double loss) {
     return loss == 0.0 ? velocity : copysign(fmax(fabs(velocity) - loss, 0.0), velocity);
+}
+
+/* Take the energy that is owed out of both bodies: their speeds change by one factor. */
+static inline void pay(struct state *s, const struct constants *c) {
+    double kinetic = 0.5 * (c->motor_inertia * s->motor_velocity * s->motor_velocity +
+                            c->output_inertia * s->output_velocity * s->output_velocity);
+    double share = fabs(s->owed) < 0.5 * kinetic ? sqrt(1.0 - s->owed / kinetic) : 1.0;
+    if (share == 1.0)
+        return;
+    s->motor_velocity *= share;
+    s->output_velocity *= share;
+    s->owed = 0.0;
 }
 
 static inline struct signals signals_at(double time, double motor_velocity, double output_velocity,
@@ -800,7 +804,7 @@ void advance(int64_t steps, struct state *state, const struct inputs *in, const 
         s->t_w_now = rim.T_w;
         double damper_F = c->flexspline_damping * (ends.base_rate - rim.rate);
         double damper_w = c->wave_generator_damping * (next_m + c->ratio * rim.rate);
-        double elastic = rim.T_w + damper_w, gap = 0.0, excess_F = 0.0, excess_w = 0.0;
+        double elastic = rim.T_w + damper_w, gap = 0.0;
 #ifdef COUPLED
         gap = gap_angle(p, elastic);
 #endif
@@ -808,19 +812,19 @@ void advance(int64_t steps, struct state *state, const struct inputs *in, const 
 #ifdef SERIES
         now_torsion -= ends.series.angle;
 #endif
-        if (fabs(elastic - last_elastic) * c->C_w > STEEP * h) {
+        if (fabs(elastic - last_elastic) * c->C_w > STEEP * h ||
+            fabs(s->t_f_now - s->t_f_before) * c->C_F > STEEP * h) {
             double stored = flexspline_energy(now_torsion, c) - flexspline_energy(torsion, c);
-            excess_F = excess(stored, now_torsion - torsion, s->t_f_before - s->flexspline_damper, rim.T_F - damper_F);
+            s->owed += missed(stored, now_torsion - torsion, s->t_f_before - s->flexspline_damper, rim.T_F - damper_F);
             stored = wave_generator_energy(now_wound, c) - wave_generator_energy(wound, c);
-            excess_w = -excess(stored, now_wound - wound, -last_elastic, -elastic);
+            s->owed += missed(stored, now_wound - wound, -last_elastic, -elastic);
         }
         torsion = now_torsion;
         wound = now_wound;
         double pull = 0.0;
 #ifdef SERIES
         memory = trial;
-        s->effect_work +=
-            (0.5 * (ends.series.torque + s->series_torque) + excess_F) * (ends.series.angle - s->series_angle);
+        s->effect_work += 0.5 * (ends.series.torque + s->series_torque) * (ends.series.angle - s->series_angle);
         s->series_torsion = ends.series.torsion;
         s->series_torque = ends.series.torque;
         s->series_angle = ends.series.angle;
@@ -833,7 +837,7 @@ void advance(int64_t steps, struct state *state, const struct inputs *in, const 
         s->pull = pull;
 #endif
 #ifdef OPEN_ANGLE
-        s->effect_work += (0.5 * (s->t_f_now + s->t_f_before) + excess_F) * (s->error - s->error_open);
+        s->effect_work += 0.5 * (s->t_f_now + s->t_f_before) * (s->error - s->error_open);
         s->error_open = s->error;
 #endif
         double motor_extra = 0.0, output_extra = 0.0;
@@ -851,9 +855,6 @@ void advance(int64_t steps, struct state *state, const struct inputs *in, const 
         s->output_force = -rim.T_F - output_extra - c->output_viscous_friction * next_o;
         s->motor_velocity = brake(middle_m + half_m * (motor_drive + s->motor_force), rotor_loss);
         s->output_velocity = middle_o + half_o * (load_drive + s->fixture_torque + s->output_force);
-        s->motor_velocity += worked(2.0 * half_m * (excess_w + excess_F * slope), middle_m,
-                                    s->motor_velocity - half_m * motor_drive);
-        s->output_velocity += worked(-2.0 * half_o * excess_F, middle_o, s->output_velocity - half_o * load_drive);
 
         double rim_force = rim.T_F + c->ratio * rim.T_w;
         if (rim.slip != 0.0)
@@ -861,13 +862,13 @@ void advance(int64_t steps, struct state *state, const struct inputs *in, const 
         double damper_m = c->rotor_viscous_friction * next_m, damper_o = c->output_viscous_friction * next_o;
         double damper_l = in->locked * c->fixture_damping * next_o;
 #ifdef COUPLED
-        s->effect_work += (0.5 * (elastic + last_elastic) + excess_w) * (gap - s->coupling_angle);
+        s->effect_work += 0.5 * (elastic + last_elastic) * (gap - s->coupling_angle);
         s->coupling_angle = gap;
         base = ends.base;
 #endif
         s->work += 0.5 * h *
                    (motor_drive * (last_m + s->motor_velocity) + load_drive * (last_o + s->output_velocity));
-        s->dissipated += 0.5 * ((s->rim_force + rim_force + 2.0 * (excess_F + c->ratio * excess_w)) * rim.slip +
+        s->dissipated += 0.5 * ((s->rim_force + rim_force) * rim.slip +
                                 (s->flexspline_damper + damper_F) * (output_travel - (s->error - last_error) - rim.slip) +
                                 (s->wave_generator_damper + damper_w) * (motor_travel + c->ratio * rim.slip) +
                                 (s->motor_damper + damper_m) * motor_travel +
@@ -879,6 +880,8 @@ void advance(int64_t steps, struct state *state, const struct inputs *in, const 
         s->motor_damper = damper_m;
         s->output_damper = damper_o;
         s->fixture_damper = damper_l;
+        if (s->owed != 0.0)
+            pay(s, c);
 #ifdef READING
         if (s->loop_wait <= 0.0) {
             struct signals end = signals_at(time, s->motor_velocity, s->output_velocity, s, in, c);

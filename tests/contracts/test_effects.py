@@ -51,13 +51,14 @@ def round_trip(effects: list[ActiveEffect], *, step: float = 2e-5) -> tuple[list
         (False, (AxisMode.POSITION, 0.5), 6.0, 0.7),
         (False, (AxisMode.OFF, 0.0), 0.0, 0.8),
         (True, (AxisMode.TORQUE, 0.09), 0.0, 1.0),
-        (True, (AxisMode.TORQUE, -0.07), 0.0, 1.2),
+        (True, (AxisMode.TORQUE, -0.07), 0.0, 1.005),
     ):
         plant.set_lock(locked)
         plant.command("motor", *motor)
         plant.command("load", AxisMode.TORQUE, load)
         rows += follow(plant, until)
-    reading = plant.read()
+    reading = plant.read()  # while the torque moves: a channel that comes late shows no constant one
+    rows += follow(plant, 1.2)
     plant.command("motor", AxisMode.OFF, 0.0)
     return rows + follow(plant, 1.5), reading
 

@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -23,6 +24,8 @@ DRIVE = HarmonicDrive.from_catalogue(
     100.0, K1=8.4e3, K2=9.4e3, T1=3.9, T2=12.0, hysteresis_loss=1.8e-4, starting_torque=0.012, viscous_friction=1e-4
 )
 CONFIG = PlantConfig(DRIVE, **SILENCE)
+UNDAMPED = dataclasses.replace(CONFIG, wave_generator_damping=0.0, flexspline_damping=0.0, fixture_damping=0.0)
+LOSSLESS = dataclasses.replace(UNDAMPED, drive=dataclasses.replace(DRIVE, friction_torque=0.0, viscous_friction=0.0))
 
 
 def follow(plant: Plant, duration: float, cycle: float = 1e-3) -> list[PlantTruth]:
@@ -269,16 +272,10 @@ def test_a_slow_locked_sweep_twists_by_the_law_that_was_chosen_within_half_a_mic
 
 @pytest.mark.parametrize("flexspline", [None, *OLDER.values()], ids=["arctan", *OLDER])
 def test_without_friction_and_dampers_the_plant_keeps_its_energy(flexspline):
-    drive = dataclasses.replace(DRIVE, friction_torque=0.0, viscous_friction=0.0)
-    config = dataclasses.replace(
-        CONFIG,
-        drive=drive,
-        flexspline=flexspline,
-        wave_generator_damping=0.0,
-        flexspline_damping=0.0,
-        fixture_damping=0.0,
+    plant = Plant(
+        dataclasses.replace(LOSSLESS, flexspline=flexspline),
+        (ActiveEffect(CATALOGUE["kinematic-error"], (1e-4, 2.0, 0.3)),),
     )
-    plant = Plant(config, (ActiveEffect(CATALOGUE["kinematic-error"], (1e-4, 2.0, 0.3)),))
     plant.set_lock(True)
     plant.command("motor", AxisMode.TORQUE, 0.05)
     plant.advance_to(0.02)
@@ -290,6 +287,39 @@ def test_without_friction_and_dampers_the_plant_keeps_its_energy(flexspline):
     # symplectic: the curvature of the springs leaves an oscillation and no drift
     assert np.max(np.abs(rows.stored / rows.stored[0] - 1.0)) < 1e-4
     assert np.mean(rows.stored[-500:]) == pytest.approx(np.mean(rows.stored[:500]), rel=1e-6)
+
+
+def kept_after_jolts(step: float, speed: float, locked: bool) -> tuple[float, float]:
+    """Jolt a lossless plant that turns at a speed, or is stopped from it by the lock, and let it swing for 0.5 s.
+
+    Gives the largest change of its energy, relative, and the largest torque in the flexspline, N*m.
+    """
+    plant = Plant(dataclasses.replace(LOSSLESS, step=step))
+    plant.command("motor", AxisMode.VELOCITY, speed)
+    plant.advance_to(0.3)
+    plant.set_lock(locked)
+    if locked:
+        plant.command("motor", AxisMode.TORQUE, 0.17)
+    for torque, end in ((16.0, 0.31), (-16.0, 0.32)):
+        plant.command("load", AxisMode.TORQUE, torque)
+        plant.advance_to(end)
+    for axis in ("motor", "load"):
+        plant.command(axis, AxisMode.OFF, 0.0)
+    plant.advance_to(0.325)
+    now = table(follow(plant, 0.5))
+    assert np.all(now.heat == 0.0)
+    return float(np.max(np.abs(now.stored / now.stored[0] - 1.0))), float(np.max(np.abs(now.flexspline_torque)))
+
+
+@pytest.mark.parametrize(("speed", "locked"), [(0.0, False), (0.0, True), (150.0, True), (500.0, True)])
+def test_without_friction_and_dampers_the_plant_keeps_its_energy_through_jolts_too(speed, locked):
+    peaks = []
+    for step in (2e-5, 1e-5):
+        change, peak = kept_after_jolts(step, speed, locked)
+        # found: 1e-8 at the default step
+        assert change < 1e-7 * (step / 2e-5) ** 2
+        peaks.append(peak)
+    assert min(peaks) > (600.0 if speed == 500.0 else 30.0)
 
 
 # ---- the soft zone at zero torque: a spring of its own, whose energy is known in closed form
@@ -353,11 +383,38 @@ segments = st.tuples(
 """Lock or not, motor and load with targets as parts of what they can do, duration in ms."""
 
 
-def every_effect(shares: list[float]) -> tuple[ActiveEffect, ...]:
-    """All effects of the catalogue at these parts of their typical sizes."""
+OF_THE_BENCH = ("ratio", "torque_constant", "stiffness")
+"""Parameters whose values are the bench's own."""
+
+within_usual = st.tuples(
+    *(
+        st.none()
+        | st.tuples(*(st.just(p.typical) if p.name in OF_THE_BENCH else st.floats(*p.usual) for p in e.parameters))
+        for e in MOVING
+    )
+)
+"""For each effect its values anywhere in their usual ranges, or none."""
+
+
+def every_effect(chosen: Sequence[tuple[float, ...] | None]) -> tuple[ActiveEffect, ...]:
+    """All effects with these values; those without have no amplitude, so that one kernel serves all choices."""
+    absent = [tuple(0.0 if p.name in e.amplitudes else p.typical for p in e.parameters) for e in MOVING]
     return tuple(
-        ActiveEffect(e, tuple(share * p.typical if p.name in e.amplitudes else p.typical for p in e.parameters))
-        for e, share in zip(MOVING, shares, strict=True)
+        ActiveEffect(e, none if values is None else values)
+        for e, values, none in zip(MOVING, chosen, absent, strict=True)
+    )
+
+
+def drawn_effects(seed: int) -> tuple[ActiveEffect, ...]:
+    """Half of the effects, with values drawn over their usual ranges."""
+    rng = np.random.default_rng(seed)
+    return every_effect(
+        [
+            tuple(p.typical if p.name in OF_THE_BENCH else float(rng.uniform(*p.usual)) for p in e.parameters)
+            if rng.random() < 0.5
+            else None
+            for e in MOVING
+        ]
     )
 
 
@@ -367,13 +424,15 @@ def usual(name: str, **values: float) -> ActiveEffect:
     return ActiveEffect(effect, tuple(values.get(p.name, p.typical) for p in effect.parameters))
 
 
-def play_through(effects: tuple[ActiveEffect, ...], plan: list[tuple], step: float = 2e-5) -> tuple[float, float]:
+def play_through(
+    effects: tuple[ActiveEffect, ...], plan: list[tuple], step: float = 2e-5, config: PlantConfig = CONFIG
+) -> tuple[float, float]:
     """Play the plan from rest; the largest error of the energy balance and the gross work put in, J.
 
     Jolts are part of it: the rated torque that the load drive puts on within 0.1 ms drives the wave generator through
     its whole stiffening within a few steps.
     """
-    plant = Plant(dataclasses.replace(CONFIG, step=step, temperature=40.0), effects)
+    plant = Plant(dataclasses.replace(config, step=step, temperature=40.0), effects)
     rows = [plant.truth(), *follow(plant, 0.01)]
     for locked, motor, motor_share, load, load_share, duration in plan:
         plant.set_lock(locked)
@@ -398,10 +457,10 @@ FLOOR = 1e-8
 
 @given(
     plan=st.lists(segments, min_size=3, max_size=7),
-    shares=st.none() | st.lists(st.sampled_from([0.0, 0.3, 1.0]), min_size=len(MOVING), max_size=len(MOVING)),
+    chosen=st.none() | within_usual,
 )
-def test_over_any_run_the_energy_account_closes_within_1e_4_of_the_gross_work_put_in(plan, shares):
-    error, gross = play_through(() if shares is None else every_effect(shares), plan)
+def test_over_any_run_the_energy_account_closes_within_1e_4_of_the_gross_work_put_in(plan, chosen):
+    error, gross = play_through(() if chosen is None else every_effect(chosen), plan)
     assert error < 1e-4 * gross + FLOOR
 
 
@@ -421,6 +480,40 @@ def random_plan(seed: int) -> list[tuple]:
     ]
 
 
+@pytest.mark.parametrize("effect", MOVING, ids=[e.id for e in MOVING])
+def test_the_energy_account_closes_at_the_ends_of_an_effect_s_usual_range(effect):
+    ends = (
+        (p.typical,) if p.name in OF_THE_BENCH else p.usual[1:] if p.name in effect.amplitudes else p.usual
+        for p in effect.parameters
+    )
+    for seed, values in enumerate(itertools.product(*ends), start=100):
+        for plan in (random_plan(seed), random_plan(seed + 100), random_plan(seed + 200)):
+            error, gross = play_through((ActiveEffect(effect, values),), plan)
+            assert error < 1e-4 * gross + FLOOR, values
+
+
+@pytest.mark.parametrize("seed", [10, 33, 55])
+def test_a_flexspline_that_a_jolt_bends_behind_an_open_gap_keeps_the_energy(seed):
+    # the torque of the wave generator hardly changes there: left alone it left 6e-4, 7e-4 and 1.4e-3
+    error, gross = play_through((usual("backlash", amplitude=1e-2, contact=1e-4),), random_plan(seed))
+    assert error < 1e-5 * gross
+
+
+@pytest.mark.parametrize("friction", [True, False], ids=["friction", "no-friction"])
+def test_without_dampers_the_account_closes_at_thousands_of_newton_metres_and_better_with_the_step(friction):
+    # 16 N*m that swing an undamped output on the fixture reach 4300 N*m in the flexspline, 27 times what a gear stands
+    config = UNDAMPED if friction else LOSSLESS
+    worst = []
+    for step in (2e-5, 1e-5):
+        parts = []
+        for seed in (17, 31, 48, 55, 59, *range(300, 312)):
+            error, gross = play_through((), random_plan(seed), step, config)
+            parts.append((error - FLOOR) / gross)
+        worst.append(max(parts))
+    assert worst[0] < 4e-6
+    assert worst[1] < 1e-6
+
+
 @pytest.mark.parametrize("seed", [6, 51])
 def test_a_rim_that_slides_at_one_speed_on_a_creeping_flexspline_is_not_lost(seed):
     # one step of the rim's solution met its law to the last bit while the creep was still on trial
@@ -433,9 +526,8 @@ def test_what_the_energy_account_leaves_falls_with_the_square_of_the_step(with_e
     left = []
     for step in (2e-5, 1e-5, 5e-6):
         parts = []
-        for seed in range(12):
-            shares = np.random.default_rng(seed).choice([0.0, 0.3, 1.0], len(MOVING)).tolist()
-            error, gross = play_through(every_effect(shares) if with_effects else (), random_plan(seed), step)
+        for seed in range(400, 412):
+            error, gross = play_through(drawn_effects(seed) if with_effects else (), random_plan(seed), step)
             assert error < 1e-4 * gross + FLOOR
             parts.append(error / gross)
         left.append(float(np.median(parts)))
