@@ -136,7 +136,7 @@ def simulate(
     try:
         config = revise(_plant_config(bench, dut, model, assumed))
         active = (*(effects_of_model(model, assumed) if model is not None else ()), *effects)
-        _check_encoders(active, dut)
+        _check_output_encoder(active, dut)
         plant = Plant(config, active, seed=secrets.randbits(31) if seed is None else seed)
         nodes = tuple(_node(role, device, plant, dut) for role, device in bench.devices.items())
     except (ModelError, OverflowError) as error:
@@ -167,6 +167,7 @@ def _plant_config(bench: BenchFile, dut: Dut, model: Model | None, assumed: list
         drive=drive,
         flexspline=None if model is None else flexspline_of_model(model),
         torque_constant=_torque_constant(dut),
+        encoder_counts=_motor_counts(dut),
         motor_rated_torque=_motor_rated_torque(dut),
         load_rated_torque=_load_rated_torque(dut),
     )
@@ -340,22 +341,15 @@ def _shape_of_model(fitted: ModelEffect, effect: Effect, dut: Dut, assumed: list
         assumed.append(f"'{fitted.effect}' is left out: {error}")
 
 
-def _check_encoders(effects: Sequence[ActiveEffect], dut: Dut) -> None:
-    """Raise ModelError if an effect assumes another encoder than the bench has: given counts, or lines to count in."""
-    motor = _motor_counts(dut)
+def _check_output_encoder(effects: Sequence[ActiveEffect], dut: Dut) -> None:
+    """Raise ModelError if an effect assumes more lines of the output's encoder than the bench has."""
     output = _output_counts(dut)
     for active in effects:
-        equation = active.effect.equation
         for parameter, value in zip(active.effect.parameters, active.values, strict=True):
-            if parameter.known and parameter.name == "encoder_counts" and value != motor:
-                raise ModelError(
-                    f"{active.effect.id}: encoder_counts = {value!r} {parameter.unit} contradicts the bench, whose "
-                    f"motor encoder has {motor} {parameter.unit}; {equation} needs the same."
-                )
             if active.effect.id == SUBDIVISION and parameter.name == "order" and value > output / 2:
                 raise ModelError(
                     f"{active.effect.id}: order = {value!r} {parameter.unit} contradicts the bench, whose "
-                    f"output encoder has {output} 1/rev: at most half of that; {equation} needs it."
+                    f"output encoder has {output} 1/rev: at most half of that; {active.effect.equation} needs it."
                 )
 
 

@@ -1,7 +1,8 @@
 """What a plant's effects may be on this plant: narrower than their own ranges, which hold for every drive.
 
-An effect may assume no other ratio or torque constant than the bench has; together they must leave the flexspline a
-compliance; and the motor's drive, which regulates what it reads, must be able to reach the torque that it reads.
+An effect may assume no other ratio, torque constant or motor encoder than the bench has; together they must leave the
+flexspline a compliance; and the motor's drive, which regulates what it reads, must be able to reach the torque that it
+reads.
 """
 
 import math
@@ -34,11 +35,15 @@ def check_effects(effects: Sequence[ActiveEffect], config: PlantConfig) -> None:
 
 
 def _check_known(effects: Sequence[ActiveEffect], config: PlantConfig) -> None:
-    """Raise ModelError if an effect was given another ratio, torque constant or stiffness than the bench has.
+    """Raise ModelError if an effect was given another ratio, torque constant, count or stiffness than the bench has.
 
     The stiffness may differ by a factor of STIFFNESS_APART: what is fitted often is not what a catalogue says.
     """
-    own = {"ratio": config.drive.ratio, "torque_constant": config.torque_constant}
+    own = {
+        "ratio": config.drive.ratio,
+        "torque_constant": config.torque_constant,
+        "encoder_counts": config.encoder_counts,
+    }
     at_rest = config.stiffness_at_rest
     for active in effects:
         for parameter, value in zip(active.effect.parameters, active.values, strict=True):

@@ -79,6 +79,7 @@ BENCH: Mapping[str, Limit] = {
     "fixture_stiffness": Limit("N*m/rad", 1e-3, 1e12, _FIXTURE),
     "fixture_damping": Limit("N*m*s/rad", 0.0, 1e9, _FIXTURE),
     "torque_constant": Limit("N*m/A", 1e-6, 1e6, "motor_torque = k_t i"),
+    "encoder_counts": Limit("1/rev", 1.0, 1e9, "motor_position = 2 pi counts / encoder_counts"),
     "motor_rated_torque": Limit("N*m", 1e-6, 1e9, _LOOPS),
     "load_rated_torque": Limit("N*m", 1e-6, 2e9, _LOOPS),
     "motor_speed_limit": Limit("rad/s", 1e-6, 1e6, _LOOPS),

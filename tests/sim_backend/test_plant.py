@@ -895,6 +895,12 @@ def test_creep_may_assume_another_stiffness_within_a_factor_of_two():
 
 
 def test_an_effect_that_assumes_another_bench_is_refused():
+    missed = ActiveEffect(CATALOGUE["encoder-missed-counts"], (4.0, 0.1, 1.0, 4096.0))
+    Plant(dataclasses.replace(CONFIG, encoder_counts=4096.0), (missed,))
+    with pytest.raises(
+        ModelError, match=r"encoder_counts = 4096.0 1/rev contradicts the bench, .* 16384.0 1/rev; motor"
+    ):
+        Plant(CONFIG, (missed,))
     friction = CATALOGUE["load-dependent-friction"]
     Plant(CONFIG, (ActiveEffect(friction, (0.1, 100.0)),))
     with pytest.raises(
