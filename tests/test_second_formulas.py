@@ -11,12 +11,13 @@ import pytest
 from scipy.stats import ks_2samp
 
 from sim_backend.model import compliance, constants, rim, springs
-from sim_backend.model.arrays import evaluate, evaluate_slope
+from sim_backend.model.arrays import evaluate
 from sim_backend.model.effects import CATALOGUE, Effect, Enters
 from sim_backend.model.parameters import HarmonicDrive, PlantConfig
 from tests.independent import laws
 from tests.independent.draws import draw, draw_drive
 from tests.independent.effects import SECOND_FORMULAS, SECOND_SLOPES
+from tests.slopes import evaluate_slope
 
 POINTS = 3000
 DRIVES = ((8336.0, 0.0449, 1.333, 83.3), (5e3, 0.02, 0.5, 30.0), (2e4, 0.08, 5.0, 200.0))

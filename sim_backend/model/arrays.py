@@ -34,36 +34,6 @@ def evaluate(
     Raises ModelError if a signal is missing or has another length, the number of values is wrong, or an effect that
     remembers gets no positive step or a memory of another size.
     """
-    return _apply(effect, False, compiled, signals, values, step, memory)
-
-
-def evaluate_slope(
-    effect: Effect,
-    signals: Mapping[str, Floats],
-    values: Sequence[float],
-    *,
-    step: float | None = None,
-    memory: Floats | None = None,
-    compiled: bool = True,
-) -> Floats:
-    """Give the effect's slope (see `Effect`) at every sample, shape (n,), rad/rad; otherwise as `evaluate`.
-
-    Raises ModelError if the effect has none.
-    """
-    if effect.slope is None:
-        raise ModelError(f"{effect.id} has no slope: it does not react on the motor.")
-    return _apply(effect, True, compiled, signals, values, step, memory)
-
-
-def _apply(
-    effect: Effect,
-    slope: bool,
-    compiled: bool,
-    signals: Mapping[str, Floats],
-    values: Sequence[float],
-    step: float | None,
-    memory: Floats | None,
-) -> Floats:
     missing = [name for name in effect.signals if name not in signals]
     if missing:
         raise ModelError(f"{effect.id} needs {', '.join(missing)}; given are {', '.join(signals) or 'no signals'}.")
@@ -80,30 +50,25 @@ def _apply(
     if len(shapes) != 1 or any(column.ndim != 1 for column in columns):
         raise ModelError(f"{effect.id}: its signals have shapes {sorted(shapes)}; they must be one (n,).")
     outputs = np.empty_like(columns[0])
-    loop = _loop(effect, slope, compiled)
+    loop = _loop(effect, compiled)
     loop(outputs, np.array(values, dtype=np.float64), 0.0 if step is None else step, remembered, *columns)
     return outputs
 
 
 @cache
-def _loop(effect: Effect, slope: bool, compiled: bool) -> Callable[..., None]:
-    """Give the loop over the samples; a slope is asked for after the value, which moves the memory on."""
+def _loop(effect: Effect, compiled: bool) -> Callable[..., None]:
+    """Give the loop over the samples."""
     columns = list(effect.signals)
     arguments = [f"{name}[i]" for name in columns]
     if effect.memory:
         arguments += ["step", "memory"]
     arguments += [f"values[{i}]" for i in range(len(effect.parameters))]
-    functions = [effect.function, *([effect.slope] if effect.slope is not None else [])]
-    parts = [operators_of(functions), function_source(effect.function, "value")]
-    line = f"outputs[i] = value({', '.join(arguments)})"
-    if slope and effect.slope is not None:
-        parts.append(function_source(effect.slope, "slope"))
-        line += f"\n        outputs[i] = slope({', '.join(arguments)})"
-    parts.append(
+    loop = (
         f"@compiled\ndef over_arrays(outputs, values, step, memory, {', '.join(columns)}):\n"
         f"    for i in range(len(outputs)):\n"
-        f"        {line}"
+        f"        outputs[i] = value({', '.join(arguments)})"
     )
-    module: Any = load(f"{effect.id} over arrays", "\n\n".join(parts), compiled=compiled)
+    source = "\n\n".join([operators_of([effect.function]), function_source(effect.function, "value"), loop])
+    module: Any = load(f"{effect.id} over arrays", source, compiled=compiled)
     over_arrays: Callable[..., None] = module.over_arrays
     return over_arrays

@@ -81,19 +81,6 @@ def torque_driven(
     return rates
 
 
-def voltage_driven(
-    transmission: Transmission, series: FourierError, motor: DcMotor, voltage: float, load_torque: float = 0.0
-) -> Callable[[float, Sequence[float]], list[float]]:
-    """Give the right-hand side f(t, y) with the motor; y: theta_m, theta_m', theta_l, theta_l', current (A)."""
-    c, coefficients = laws(transmission), series.coefficients
-    electrical = (motor.resistance, motor.inductance, motor.constant)
-
-    def rates(_: float, y: Sequence[float]) -> list[float]:
-        return list(driven_loop.driven_rates(*y, voltage, load_torque, *electrical, coefficients, c))  # type: ignore[call-arg, arg-type]
-
-    return rates
-
-
 def steady_start(
     transmission: Transmission, series: FourierError, motor: DcMotor, voltage: float, angle: float = 0.0
 ) -> Floats:

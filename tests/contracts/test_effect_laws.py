@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from drivers.signals import BY_NAME
-from sim_backend.model.arrays import evaluate, evaluate_slope
+from sim_backend.model.arrays import evaluate
 from sim_backend.model.compliance import flexspline_torsion
 from sim_backend.model.effects import CATALOGUE, DERIVED_SIGNALS, ActiveEffect, Effect, Energy, Enters, Parameter, Shape
+from tests.slopes import evaluate_slope
 
 Floats = np.ndarray
 Signals = dict[str, Floats]

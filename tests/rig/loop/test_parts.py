@@ -13,9 +13,10 @@ from rig.loop.parameters import flexspline_from_catalogue
 from rig.loop.play import play_path
 from rig.loop.terms import Line, line_values, periodic_effects
 from rig.loop.tracks import make_track
-from sim_backend.model.arrays import evaluate, evaluate_slope
+from sim_backend.model.arrays import evaluate
 from sim_backend.model.effects import CATALOGUE
 from tests.rig.loop.runs import dut, make_run, turning_run
+from tests.slopes import evaluate_slope
 
 
 def test_the_catalogue_gives_the_worked_stiffness_of_the_paper() -> None:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from sim_backend.errors import ModelError
-from sim_backend.model.arrays import evaluate, evaluate_slope
+from sim_backend.model.arrays import evaluate
 from sim_backend.model.effects import CATALOGUE
+from tests.slopes import evaluate_slope
 
 ANGLE = np.linspace(-30.0, 30.0, 1001)
 ERROR = CATALOGUE["kinematic-error"]
@@ -49,11 +50,6 @@ def test_a_signal_with_two_dimensions_is_refused():
         evaluate(ERROR, {"motor_position": np.zeros((3, 2))}, (1.0, 2.0, 0.0))
 
 
-def test_an_effect_that_does_not_react_has_no_slope():
-    with pytest.raises(ModelError, match="cogging has no slope"):
-        evaluate_slope(CATALOGUE["cogging"], {"motor_position": ANGLE}, (1.0, 2.0, 0.0))
-
-
 def lag(output_torque, step, memory, amplitude, time_constant):
     if memory[1] == 0.0:
         memory[0], memory[1] = output_torque, 1.0
@@ -61,17 +57,7 @@ def lag(output_torque, step, memory, amplitude, time_constant):
     return amplitude * memory[0]
 
 
-def twist(motor_position, step, memory, amplitude, radius):
-    memory[0] = min(max(memory[0], motor_position - radius), motor_position + radius)
-    return amplitude * (motor_position - memory[0])
-
-
-def twist_slope(motor_position, step, memory, amplitude, radius):
-    return amplitude if abs(motor_position - memory[0]) < radius else 0.0
-
-
 REMEMBERING = dataclasses.replace(ERROR, id="lag", function=lag, slope=None, memory=2, parameters=ERROR.parameters[:2])
-TWISTING = dataclasses.replace(REMEMBERING, id="twist", function=twist, slope=twist_slope, memory=1)
 
 
 @pytest.mark.parametrize("compiled", [True, False])
@@ -80,12 +66,6 @@ def test_an_effect_remembers_from_sample_to_sample_and_anew_in_every_run(compile
     for _ in range(2):
         values = evaluate(REMEMBERING, {"output_torque": jump}, (1.0, 0.1), step=0.1, compiled=compiled)
         assert values == pytest.approx([1.0, 1.0, 1.5, 1.75, 1.875], rel=1e-15)
-
-
-def test_the_slope_of_an_effect_with_memory_is_that_after_its_own_step():
-    path = np.array([0.0, 0.1, 0.2, 0.3, 0.25])
-    slope = evaluate_slope(TWISTING, {"motor_position": path}, (3.0, 0.2), step=1e-3)
-    assert slope == pytest.approx([3.0, 3.0, 0.0, 0.0, 3.0])
 
 
 @pytest.mark.parametrize("step", [None, 0.0, -1.0, np.nan])

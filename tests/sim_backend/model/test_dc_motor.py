@@ -14,10 +14,10 @@ from sim_backend.model.dc_motor import (
     steady_speed,
     voltage_for,
 )
-from sim_backend.model.driven import voltage_driven
 from sim_backend.model.fourier_error import FourierError
 from sim_backend.model.parameters import Rotation
 from sim_backend.model.transmission import hdc_40
+from tests.sim_backend.model.by_voltage import voltage_driven
 
 NO_ERROR = FourierError(0.0, (0.0,), (0.0,))
 

@@ -16,12 +16,12 @@ from sim_backend.model.driven import (
     run_driven,
     steady_start,
     torque_driven,
-    voltage_driven,
 )
 from sim_backend.model.error_parts import error_parts, flexible_share
 from sim_backend.model.fourier_error import FourierError, pure_error, pure_error_slope
 from sim_backend.model.parameters import Rotation
 from sim_backend.model.transmission import hdc_40
+from tests.sim_backend.model.by_voltage import voltage_driven
 
 SERIES = FourierError(
     a0=1e-3,
