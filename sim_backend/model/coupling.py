@@ -3,9 +3,9 @@
     windup = x + gap(T),  T = g^-1(x),  gap(T) = -ratio * sum e(motor_torque = -T)        x: its own windup, rad
 
 All at the motor; -T is the torque that presses on the gap from the motor's side. Both terms rise with x, so that Newton
-steps inside a bracket find the one solution. A gap is closed nearly always: the first trial takes it to be, and is then
-exact. The damper of the wave generator lies across the whole windup. Effects that add nothing change nothing, to the
-last bit. Scalar code for the compiled kernel.
+steps inside a bracket find the one solution. A gap is closed nearly always: the first trial takes it to be, and where
+the angle is then the same, nothing in between yields and it is the solution. The damper of the wave generator lies
+across the whole windup. Effects that add nothing change nothing, to the last bit. Scalar code for the compiled kernel.
 """
 
 import math
@@ -32,8 +32,13 @@ def coupled_torque(windup: float, effect_parameters: Array, c: Constants) -> tup
     """Give (torque N*m, stiffness N*m/rad) of the wave generator and what lies in series with it for their windup."""
     if not COUPLED:
         return wave_generator_torque(windup, c)
-    own = windup - coupling_angle(math.copysign(1.0 / c.C_w, windup), effect_parameters, c)
-    if own * windup <= 0.0:
+    closed = coupling_angle(math.copysign(1.0 / c.C_w, windup), effect_parameters, c)
+    own = windup - closed
+    if own * windup > 0.0:
+        T, K = wave_generator_torque(own, c)
+        if coupling_angle(T, effect_parameters, c) == closed:
+            return T, K
+    else:
         yielding = (coupling_angle(PROBE, effect_parameters, c) - coupling_angle(0.0, effect_parameters, c)) / PROBE
         own = windup / (1.0 + c.K_w0 * max(yielding, 0.0))
     low, high = -math.inf, math.inf
