@@ -12,7 +12,6 @@ from rig.loop.result import LoopResult, Verdict
 from rig.loop.trace import trace
 from sim_backend.model.effects import CATALOGUE, ActiveEffect
 
-
 WIDE = 1.5
 """Half widths of a 95 % interval by which one seed may miss: three standard errors."""
 
