@@ -31,8 +31,10 @@ SHORTEST = 1.0
 SPARE = 4
 """How many times as many knots splitting may give first: it cuts corners and ends in pieces, which are taken out."""
 
-BLOCK, TYPICAL, WORST = 0.5, 1.5, 6.0
-"""s of the blocks whose means judge the polyline; their rms and their largest size, in standard deviations."""
+BLOCK, BY_CHANCE, COLOURED, WORST = 0.5, 4.0, 1.5, 6.0
+"""s of the blocks whose means judge the polyline. Their rms, in standard deviations, may exceed one by this many of its
+own standard errors; with a noise that remembers, whose size is known less well, it may reach the third. No block may
+exceed the last."""
 
 PASSES, PRUNINGS, SPLITS = 5, 30, 4
 """Rounds of placing knots, of taking some out, and of splitting again where the polyline misses."""
@@ -58,13 +60,14 @@ class Polyline:
         return np.asarray(np.interp(np.arange(samples, dtype=float), self.knots, self.heights))
 
 
-def polyline(values: Floats, smoothed: Floats, side: int, period: float) -> Floats | None:
+def polyline(values: Floats, side: int, period: float) -> Floats | None:
     """Give the polyline that `values` (n,) follow within their noise, shape (n,); None if they follow none.
 
-    smoothed: the same without most of the noise, corners kept, from lines over `side` samples on either side.
+    side: samples on either side over which it is smoothed to find where it bends.
     """
     n = values.size
-    if n < 4 * side:
+    smoothed = corners_kept(values, side)
+    if smoothed is values:
         return None
     most = min(round(n * period / SHORTEST) + 2, MOST_KNOTS)
     rest = values
@@ -89,12 +92,13 @@ def polyline(values: Floats, smoothed: Floats, side: int, period: float) -> Floa
         rest = values - found.at(n)
     if found.knots.size > most:
         return None
-    block = max(round(BLOCK / period), 1)
+    block = min(max(round(BLOCK / period), 1), n)
     whole = n // block * block
     means = (values - found.at(n))[:whole].reshape(-1, block).mean(axis=1)
     variance = noise[:whole].reshape(-1, block).mean(axis=1) * of_mean(memory, block)
     sizes = np.abs(means) / np.sqrt(variance)
-    good = np.sqrt(np.mean(sizes**2)) <= TYPICAL and sizes.max(initial=0.0) <= WORST
+    most_typical = COLOURED if memory else 1.0 + BY_CHANCE / math.sqrt(2.0 * sizes.size)
+    good = np.sqrt(np.mean(sizes**2)) <= most_typical and sizes.max(initial=0.0) <= WORST
     return found.at(n) if good else None
 
 

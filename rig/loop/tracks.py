@@ -19,7 +19,7 @@ from rig.config.dut import Dut, Rotation
 from rig.log.run import ProcedureName, Run
 from rig.loop.polyline import polyline
 from rig.loop.ripple import Ripple, speed_ripple
-from rig.loop.smoothing import corners_kept, curve, straightened
+from rig.loop.smoothing import smooth
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -27,8 +27,9 @@ Flags = NDArray[np.bool_]
 SMOOTHING = 0.02
 """s over which a run that does not turn is averaged for the fit; quasi-static sweeps change over seconds."""
 
-PLAY_SIDE = 0.1
-"""s on either side over which torques are smoothed before they enter a play, unless the whole torque is a polyline."""
+SPRING_SIDE, PLAY_SIDE = 0.025, 0.1
+"""s on either side over which torques are smoothed at least before they enter a spring or a play, unless the whole
+torque is a polyline."""
 
 SPEED_BAND = 0.08
 """A sample belongs to a leg if its speed is within this share of the leg's speed."""
@@ -291,13 +292,10 @@ def _swept(values: Floats | None, period: float) -> Swept:
     if values is None:
         return Swept()
     side = round(PLAY_SIDE / period)
-    smoothed = corners_kept(values, side)
-    if smoothed is values:
-        return Swept(straightened(values, period), values)
-    line = polyline(values, smoothed, side, period)
+    line = polyline(values, side, period)
     if line is not None:
         return Swept(line, line, line)
-    return Swept(straightened(values, period), curve(values, smoothed, side, period))
+    return Swept(smooth(values, round(SPRING_SIDE / period), period), smooth(values, side, period))
 
 
 def _over_turns(values: Floats | None, leg_speed: Floats, period: float) -> Floats | None:
