@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: help install test lint demo bench foreign fuzz clean
+.PHONY: help install test lint demo bench foreign fuzz campaign clean
 
 help:            ## list the targets
 	@grep -E '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/'
@@ -43,6 +43,9 @@ foreign: $(STAMP) ## other people's CANopen stacks against ours (installs durand
 SECONDS := 120
 fuzz: $(STAMP)   ## property tests with new random examples for 2 minutes (SECONDS=...)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.fuzz $(SECONDS)
+
+campaign: $(STAMP) ## every row of "What a campaign establishes" in docs/effects.md against the loop (half an hour)
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -m campaign tests/rig/loop
 
 clean:           ## remove the virtual environment and caches
 	rm -rf tests/foreign/node_modules $(VENV) .pytest_cache .mypy_cache .ruff_cache build *.egg-info

@@ -6,11 +6,11 @@ Speeds per voltage: Castejon, Garcia-Prada & Lara 2009, table 2. Resistance and 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from sim_backend.errors import ModelError
-from sim_backend.model.checks import require
+from sim_backend.model.limits import Limit, require_within
 
 RPM = 2.0 * math.pi / 60.0
 """rad/s."""
@@ -24,6 +24,23 @@ CHOSEN_RESISTANCE = 1.0
 CHOSEN_INDUCTANCE = 1e-3
 """H; not printed. The current then follows within 1 ms, ten times faster than the speed."""
 
+_WINDING = "L di/dt = V - R i - k_e omega_m"
+_STEADY = "V = (k_e + R drag/k_e) omega_m at constant speed"
+_TABLE = "k^2 - slope k + R drag = 0, slope = sum(V omega_m)/sum(omega_m^2) of the rows,"
+
+LIMITS: Mapping[str, Limit] = {
+    "resistance": Limit("ohm", 1e-9, 1e9, _WINDING),
+    "inductance": Limit("H", 1e-12, 1e6, _WINDING),
+    "constant": Limit("V*s/rad", 1e-10, 1e9, _WINDING),
+    "voltage": Limit("V", -1e6, 1e6, _STEADY),
+    "speed": Limit("rad/s", -1e6, 1e6, _STEADY),
+    "drag": Limit("N*m*s/rad", 0.0, 1e6, _STEADY),
+}
+"""A motor, and what it is asked for: either direction, and a drag that brakes."""
+
+ROW_VOLTAGE, ROW_SPEED = Limit("V", 1e-3, 1e6, _TABLE), Limit("rad/s", 1e-3, 1e6, _TABLE)
+"""A row of a table: the direction in which both are positive. Its slope is a constant within its limits."""
+
 
 @dataclass(frozen=True, slots=True)
 class DcMotor:
@@ -34,19 +51,24 @@ class DcMotor:
     constant: float
 
     def __post_init__(self) -> None:
-        equation = "L di/dt = V - R i - k_e omega_m"
-        require("resistance", self.resistance, "ohm", equation, above=0.0)
-        require("inductance", self.inductance, "H", equation, above=0.0)
-        require("constant", self.constant, "V*s/rad", equation, above=0.0)
+        require_within(LIMITS, {name: getattr(self, name) for name in ("resistance", "inductance", "constant")})
 
 
 def steady_speed(motor: DcMotor, voltage: float, drag: float) -> float:
-    """Give the speed at `voltage` (V) against a viscous `drag` (N*m*s/rad at the motor), rad/s."""
+    """Give the speed at `voltage` (V) against a viscous `drag` (N*m*s/rad at the motor), rad/s.
+
+    Raises ModelError if either is outside `LIMITS`.
+    """
+    require_within(LIMITS, {"voltage": voltage, "drag": drag})
     return voltage / (motor.constant + motor.resistance * drag / motor.constant)
 
 
 def voltage_for(motor: DcMotor, speed: float, drag: float) -> float:
-    """Give the voltage at which the motor turns with `speed` (rad/s) against `drag` (N*m*s/rad), V."""
+    """Give the voltage at which the motor turns with `speed` (rad/s) against `drag` (N*m*s/rad), V.
+
+    Raises ModelError if either is outside `LIMITS`.
+    """
+    require_within(LIMITS, {"speed": speed, "drag": drag})
     return speed * (motor.constant + motor.resistance * drag / motor.constant)
 
 
@@ -58,9 +80,12 @@ def motor_from_speeds(
 ) -> DcMotor:
     """Give the motor whose steady speeds are those of `rows` (V, rad/s) by least squares, against `drag`.
 
-    The slope V/omega is k_e + R drag/k_e, so that k_e is a little less than the slope: the root of
-    k^2 - slope k + R drag = 0 next to it. Raises ModelError if the drag is too large for the slope.
+    Voltages and speeds are positive. The slope V/omega is k_e + R drag/k_e, so that k_e is a little less than the
+    slope: the root of k^2 - slope k + R drag = 0 next to it. Raises ModelError without rows, for a row or another
+    number outside its limits, or if the drag is too large for the slope.
     """
+    _require_rows(rows)
+    require_within(LIMITS, {"drag": drag, "resistance": resistance, "inductance": inductance})
     slope = sum(voltage * speed for voltage, speed in rows) / sum(speed * speed for _, speed in rows)
     rest = slope * slope - 4.0 * resistance * drag
     if rest < 0.0:
@@ -70,3 +95,16 @@ def motor_from_speeds(
             f"k^2 - slope k + R drag = 0 needs it."
         )
     return DcMotor(resistance, inductance, 0.5 * (slope + math.sqrt(rest)))
+
+
+def _require_rows(rows: Sequence[tuple[float, float]]) -> None:
+    if not rows:
+        raise ModelError(
+            "rows is empty: it must have at least one pair of a voltage "
+            f"({ROW_VOLTAGE.low:g} to {ROW_VOLTAGE.high:g} V) and a speed "
+            f"({ROW_SPEED.low:g} to {ROW_SPEED.high:g} rad/s); {_TABLE} needs it."
+        )
+    for place, (voltage, speed) in enumerate(rows):
+        names = f"rows[{place}] voltage", f"rows[{place}] speed"
+        limits = dict(zip(names, (ROW_VOLTAGE, ROW_SPEED), strict=True))
+        require_within(limits, dict(zip(names, (voltage, speed), strict=True)))

@@ -1,6 +1,7 @@
-"""Parameters of every effect drawn from a seed: in the working ranges of PHYSICS 6, where the effect is visible.
+"""Parameters of every effect drawn from a seed, where the effect is visible.
 
-Most are in the upper half of their range; none lies on a grid. Where the range says nothing a comment does.
+In the working ranges of PHYSICS 6, most in the upper half, none on a grid; where the range says nothing a comment does.
+One effect is drawn larger, as it shows in no campaign otherwise: torque-sensor-nonlinearity.
 """
 
 import dataclasses
@@ -34,7 +35,7 @@ RUNNING_FRICTION = 0.012
 
 
 def draw(effect: str, rng: np.random.Generator) -> Effects:
-    """Give one effect by id, with parameters drawn inside its working range; ValueError for an unknown id.
+    """Give one effect by id, with parameters drawn as said above; ValueError for an unknown id.
 
     Base terms but inertia belong to the drive: `draw_drive`.
     """
@@ -163,7 +164,7 @@ DRAWN: Mapping[str, Callable[[_Dice], Term]] = MappingProxyType(
             reference=REFERENCE,
         ),
         "torque-sensor-gain": lambda d: term("torque-sensor-gain", amplitude=d.signed(0.015, 0.03)),
-        # a cheap cell again: up to 1 % of full scale, since 0.1 % leaves 0.4 urad
+        # 5 to 10 times the usual 0.1 % of full scale, which leaves 0.4 urad: a cheap cell again
         "torque-sensor-nonlinearity": lambda d: term(
             "torque-sensor-nonlinearity", even=d.signed(0.15, 0.3), odd=d.signed(0.15, 0.3), full_scale=FULL_SCALE
         ),

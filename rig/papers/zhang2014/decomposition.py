@@ -32,7 +32,11 @@ PEAK = RATED_TORQUE / RATIO + STARTING_TORQUE
 PERIOD, CYCLE = 6.88, 1e-3
 """s of the triangle and between readings; 0.1 N*m/s at the motor."""
 
-CAP = "the plant's wave generator goes on in a straight line above 1e3 N*m/rad"
+YIELDS = "what the wave generator yields: Psi/2, and 0.8 urad of its straight line above 1e3 N*m/rad; (18) has it"
+FLEXSPLINE_DAMPER = "T_F has the flexspline's damper in it: falls with the rate"
+WAVE_GENERATOR_DAMPER = (
+    "T_w has the wave generator's damper in it: falls with the rate, to the 0.8 urad of its straight line"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +61,13 @@ class Swept:
 
 
 def swept(_: Workbench) -> Swept:
+    """Sweep the shipped bench with the paper's drive."""
+    return sweep_of(PlantConfig(paper_drive()))
+
+
+def sweep_of(config: PlantConfig) -> Swept:
     """Sweep the motor's torque against the lock, without instruments and their noise."""
-    plant, rows = Plant(PlantConfig(paper_drive())), []
+    plant, rows = Plant(config), []
     plant.set_lock(True)
     for k in range(round(1.25 * PERIOD / CYCLE)):
         level = float(np.interp(k * CYCLE / PERIOD % 1.0, [0.0, 0.25, 0.75, 1.0], [0.0, 1.0, -1.0, 0.0]))
@@ -78,10 +87,9 @@ def friction(bench: Workbench) -> Outcome:
     wound = float(np.max(np.abs(sweep.gear_side + sweep.motor / RATIO)))
     before = slice(0, int(np.argmax(sweep.gear_side != 0.0)))
     turned, followed = np.ptp(sweep.motor[before]) / RATIO, np.ptp(sweep.gear_side[before])
-    note = "what the wave generator yields, at most Psi/2; (18) has it"
     return Outcome(
         (
-            Row("theta_Fi + theta_w/N in the plant, largest", 0.0, wound, "rad", note, "eq. (7)"),
+            Row("theta_Fi + theta_w/N in the plant, largest", 0.0, wound, "rad", YIELDS, "eq. (7)"),
             Row(
                 "omega_Fi over -omega_w/N in the plant before it breaks away",
                 1.0,
@@ -113,10 +121,9 @@ def decomposition(bench: Workbench) -> Outcome:
     whole = total_torsion(f, sweep.T_w, RATIO, drive.K_w0, drive.C_w)
     most = int(np.argmax(sweep.T_F))
     started = float(wave_generator_torsion(np.array(STARTING_TORQUE), drive.K_w0, drive.C_w))
-    step = "T_F and the rim's angle are two steps apart: falls with the rate"
     return Outcome(
         (
-            Row("loop of (12) at zero torque", 0.0, _width(sweep, flexspline), "rad", "plant, locked", "eq. (12)"),
+            Row("loop of (12) at zero torque", 0.0, _width(sweep, flexspline), "rad", FLEXSPLINE_DAMPER, "eq. (12)"),
             Row(
                 "loop of (13) at zero torque",
                 None,
@@ -125,13 +132,20 @@ def decomposition(bench: Workbench) -> Outcome:
                 "the same sweep; the wave generator's share, which (12) leaves out",
                 "eq. (13)",
             ),
-            Row("(14) in the plant less f(T_F), largest", 0.0, _largest(flexspline - f), "rad", step, "eq. (14)"),
+            Row(
+                "(14) in the plant less f(T_F), largest",
+                0.0,
+                _largest(flexspline - f),
+                "rad",
+                FLEXSPLINE_DAMPER,
+                "eq. (14)",
+            ),
             Row(
                 "(15) in the plant less g(T_w), over N, largest",
                 0.0,
                 _largest(wave_generator - g) / RATIO,
                 "rad",
-                CAP,
+                WAVE_GENERATOR_DAMPER,
                 "eq. (15)",
             ),
             Row(
@@ -151,14 +165,21 @@ def decomposition(bench: Workbench) -> Outcome:
                 "eq. (17)",
             ),
             definition(18, "assumption 1: theta_wo = -N theta_Fi", "theta_wo has no sensor; it excludes backlash"),
-            Row("(19) in the plant less (28), largest", 0.0, _largest(sweep.torsion - whole), "rad", CAP, "eq. (19)"),
+            Row(
+                "(19) in the plant less (28), largest",
+                0.0,
+                _largest(sweep.torsion - whole),
+                "rad",
+                WAVE_GENERATOR_DAMPER,
+                "eq. (19)",
+            ),
             definition(20, "(19) with theta_Fi and theta_wo/N added and taken away", "an identity"),
             Row(
                 "(19) in the plant less the integral of dT_F/K_FL - dT_w/(N K_wL), largest",
                 0.0,
                 _largest(sweep.torsion[1:] - sweep.torsion[0] - _integrated(sweep)),
                 "rad",
-                f"along the sweep, with (22) and (25) for the stiffness; {CAP}",
+                f"along the sweep, with (22) and (25) for the stiffness; {WAVE_GENERATOR_DAMPER}",
                 "eq. (21)",
             ),
         )

@@ -4,10 +4,12 @@
 
 amplitude is half of the gap, rad at the motor. The gap carries the torque of the wave generator (motor_torque at rest)
 and stands on the side that this torque presses on; `contact` is the torque at which it is closed. A spring in series
-with the wave generator: it takes no energy. In a locked sweep it is crossed with the sign of the torque, in a free run
-with the direction of turning, whose friction presses it, and a bias torque keeps it closed.
+with the wave generator, without memory, so that the plant can invert it: it takes no energy. In a locked sweep it is
+crossed with the sign of the torque, in a free run with the direction of turning, whose friction presses it, and a bias
+torque keeps it closed.
 Source: Oldham and key couplings, dead zone.
-Left out: a loose coupling of the encoder, a loop of the reading against motion.
+Left out: the memory of the gap, in which the shaft stays where it was left while nothing presses it, and a loose
+coupling of the encoder, a loop of the reading against motion.
 """
 
 from sim_backend.model.effects.effect import Effect, Energy, Enters, Parameter, Shape

@@ -43,5 +43,6 @@ EFFECT = Effect(
         "current-sensor-offset",
         "gravity-load",
     ),
-    separated_by="both directions (half-sum and half-difference); a ladder of loads at the same angles",
+    separated_by="both directions (half-sum and half-difference); a ladder of loads at the same angles; "
+    "a coast-down, or the motor turned from outside with open circuit",
 )

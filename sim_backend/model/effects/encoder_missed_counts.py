@@ -55,7 +55,8 @@ EFFECT = Effect(
     energy=Energy.NONE,
     shows=("starting-torque", "locked-output", "backdrive", "free-run"),
     confusable=("backlash",),
-    separated_by="replicates, as it does not repeat; index pulse or absolute encoder against a coupling that slips",
+    separated_by="many replicates, as it does not repeat; "
+    "index pulse or absolute encoder against a coupling that slips",
     memory=4,
     reads="motor_position",
 )

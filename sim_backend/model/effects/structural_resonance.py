@@ -2,11 +2,12 @@
 
     output_position reads x more:  x'' + 2 damping w x' + w^2 x = amplitude * w * output_torque'',  w = 2 pi frequency
 
-output_torque is the transducer's: where it stays the same, as in a free run, nothing rings. A jump of its rate by
-1 N*m/s starts a decaying sine of size `amplitude`. Between two calls the torque runs straight, so that its second
-derivative is a kick at each call and x swings freely in between, which is solved exactly. Starts at rest.
+output_torque is the transducer's, the only torque on the frame that is measured: where it stays the same, as in a free
+run at constant load, nothing rings, although a frame can be shaken there too. A jump of its rate by 1 N*m/s starts a
+decaying sine of size `amplitude`. Between two calls the torque runs straight, so that its second derivative is a kick
+at each call and x swings freely in between, which is solved exactly. Starts at rest.
 Source: linear vibration of one mode.
-Left out: a frame that the motor or an order of the gear shakes in a free run.
+Left out: a frame that the motor or an order of the gear shakes, which a ladder of speeds in a free run would show.
 """
 
 import math

@@ -66,3 +66,44 @@ def test_a_motor_that_cannot_be_is_refused():
         DcMotor(1.0, 1e-3, math.nan)
     with pytest.raises(ModelError, match=r"drag = 1.0 N\*m\*s/rad with resistance = 1.0 ohm: at most 0.0105"):
         motor_from_speeds(TABLE_2[1:], 1.0)
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ([], r"rows is empty: it must have at least one pair of a voltage \(0\.001 to 1e\+06 V\)"),
+        ([(12.0, 0.0)], r"rows\[0\] speed = 0\.0 rad/s is not possible: it must be at least 0\.001"),
+        ([(12.0, 58.0), (-18.0, 88.0)], r"rows\[1\] voltage = -18\.0 V is not possible.*at most 1e\+06 V"),
+        ([(math.nan, 58.0)], r"rows\[0\] voltage = nan V"),
+        ([("12", 58.0)], r"rows\[0\] voltage = '12' is no number: it must be one from 0\.001 to 1e\+06 V"),
+    ],
+)
+def test_a_row_that_no_motor_has_is_named_with_its_place(rows, words):
+    with pytest.raises(ModelError, match=rf"{words}.*k\^2 - slope k \+ R drag = 0.* needs it"):
+        motor_from_speeds(rows, 1e-4)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda motor: steady_speed(motor, 12.0, -5.0), r"drag = -5\.0 N\*m\*s/rad .* at least 0 and at most 1e\+06"),
+        (lambda motor: steady_speed(motor, math.inf, 1e-4), "voltage = inf V"),
+        (lambda motor: voltage_for(motor, math.nan, 1e-4), "speed = nan rad/s"),
+        (lambda motor: voltage_for(motor, 30.0, math.nan), r"drag = nan N\*m\*s/rad"),
+        (lambda motor: motor_from_speeds(TABLE_2[1:], -1e-4), r"drag = -0\.0001 N\*m\*s/rad"),
+    ],
+)
+def test_a_speed_or_voltage_is_computed_of_possible_numbers_only(call, words):
+    with pytest.raises(ModelError, match=rf"{words}.*V = \(k_e \+ R drag/k_e\) omega_m"):
+        call(motor_from_speeds(TABLE_2[1:], hdc_40().drag))
+
+
+def test_a_resistance_that_is_none_is_named_before_the_drag_is_held_against_it():
+    with pytest.raises(ModelError, match=r"resistance = nan ohm .* L di/dt"):
+        motor_from_speeds(TABLE_2[1:], 1e-4, math.nan)
+
+
+def test_a_motor_turns_backwards_as_fast_as_forwards():
+    motor = motor_from_speeds(TABLE_2[1:], 1e-4)
+    assert steady_speed(motor, -12.0, 1e-4) == -steady_speed(motor, 12.0, 1e-4)
+    assert voltage_for(motor, -30.0, 1e-4) == -voltage_for(motor, 30.0, 1e-4)
