@@ -13,11 +13,11 @@ from rig.bench import Bench
 from rig.config.bench import SIMULATED, BenchFile, Device, Lock
 from rig.config.catalogue import beyond_limits
 from rig.config.dut import Dut, Rotation, default_dut
-from rig.loop.frames import turned, turned_shape
-from rig.loop.model_file import Model, ModelEffect
-from rig.loop.parameters import flexspline_entries
-from rig.loop.shapes import ShapeTerm, named_effect
-from rig.loop.terms import Entry, Line, TermClass, is_line, periodic_effects
+from rig.loop.files.model_file import Model, ModelEffect
+from rig.loop.model.frames import turned, turned_shape
+from rig.loop.model.parameters import flexspline_entries
+from rig.loop.model.shapes import ShapeTerm, named_effect
+from rig.loop.model.terms import Entry, Line, TermClass, is_line, periodic_effects
 from rig.operator import Answered
 from sim_backend.errors import ModelError, NotFiniteError, ParameterError
 from sim_backend.model.compliance import LAWS, Compliance

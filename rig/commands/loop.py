@@ -14,7 +14,7 @@ from rig.log.load import load_runs
 from rig.log.names import writable_folder
 from rig.log.run import Run
 from rig.loop.campaign import LoopOptions
-from rig.loop.model_storage import load_model, write_model
+from rig.loop.files.model_storage import load_model, write_model
 from rig.loop.plot import plot_loop
 from rig.loop.predict import write_predictions
 from rig.loop.result import LoopResult

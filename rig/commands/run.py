@@ -20,8 +20,8 @@ from rig.config.bench import BenchFile, Lock, load_bench, naming_the_bench
 from rig.config.catalogue import doubts
 from rig.config.dut import Dut, default_dut, load_dut
 from rig.log.load import load_run
-from rig.loop.model_file import Model
-from rig.loop.model_storage import load_model
+from rig.loop.files.model_file import Model
+from rig.loop.files.model_storage import load_model
 from rig.operator import Answered, ConsentGiven, Operator, SimulatedOperator, TerminalOperator
 from rig.runner import Progress
 from rig.session import (

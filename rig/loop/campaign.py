@@ -12,7 +12,7 @@ import numpy as np
 
 from drivers.errors import DataError
 from rig.log.run import Run
-from rig.loop.model_file import Model
+from rig.loop.files.model_file import Model
 from sim_backend.model.compliance import Compliance
 
 HELD_OUT_SHARE = 0.25

@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.loop.model_file import Model
+from rig.loop.files.model_file import Model
 
 SCHEMA = "rig.loop/1"
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
-from rig.loop.model_file import ModelBase, ModelEstimate
+from rig.loop.files.model_file import ModelBase, ModelEstimate
 from rig.loop.predict import Predicted
 from rig.loop.result import Errors, Estimate, LoopResult, NextExperiment, Open, Step
 from sim_backend.model.compliance import LAWS

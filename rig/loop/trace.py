@@ -14,26 +14,26 @@ from drivers.errors import DataError
 from rig.config.catalogue import doubts
 from rig.config.dut import Dut
 from rig.log.run import ProcedureName, Run
-from rig.loop.aliases import aliases, samplings
 from rig.loop.campaign import LoopOptions, split_runs
-from rig.loop.checks import check_gear, check_magnitudes, check_signs
-from rig.loop.equations import FEWEST_SAMPLES, Equation, Law, Piece, distinct_readings, pieces_of
-from rig.loop.fit import BLOCK, Fit, fit, fit_stably, reweighted
-from rig.loop.frames import turned, turned_shape
-from rig.loop.intervals import hidden_share
-from rig.loop.lines import USUAL_HIGHEST_ORDER
-from rig.loop.metrics import Floor, Residual, errors, floor_of, pooled, residual_of
-from rig.loop.model import Model, predict
-from rig.loop.model_file import Model as ModelFile
-from rig.loop.open_statements import open_statements
-from rig.loop.parameters import parameter_table
-from rig.loop.report_steps import model_of, steps_of
+from rig.loop.files.model_file import Model as ModelFile
+from rig.loop.fitting.fit import BLOCK, Fit, fit, fit_stably, reweighted
+from rig.loop.fitting.intervals import hidden_share
+from rig.loop.fitting.starts import FACTOR, scaled_to_data
+from rig.loop.model.equations import FEWEST_SAMPLES, Equation, Law, Piece, distinct_readings, pieces_of
+from rig.loop.model.frames import turned, turned_shape
+from rig.loop.model.parameters import parameter_table
+from rig.loop.model.prediction import Model, predict
+from rig.loop.model.shapes import ShapeTerm, named_effect
+from rig.loop.model.terms import Entry, Line, TermClass
 from rig.loop.result import EquationResult, Errors, LoopResult, View
-from rig.loop.select import NOT_EVERYWHERE, Selection, Unadded, select
-from rig.loop.shapes import ShapeTerm, named_effect
-from rig.loop.starts import FACTOR, scaled_to_data
-from rig.loop.terms import Entry, Line, TermClass
-from rig.loop.tracks import Track, make_track, thin_track
+from rig.loop.search.aliases import aliases, samplings
+from rig.loop.search.lines import USUAL_HIGHEST_ORDER
+from rig.loop.search.select import NOT_EVERYWHERE, Selection, Unadded, select
+from rig.loop.signals.checks import check_gear, check_magnitudes, check_signs
+from rig.loop.signals.tracks import Track, make_track, thin_track
+from rig.loop.statements.metrics import Floor, Residual, errors, floor_of, pooled, residual_of
+from rig.loop.statements.open_statements import open_statements
+from rig.loop.statements.report_steps import model_of, steps_of
 from rig.provenance import software_version
 from sim_backend.model.compliance import Compliance
 

@@ -23,8 +23,8 @@ from rig.config.dut import default_dut
 from rig.config.toml_file import parse_toml
 from rig.log.load import load_run, load_runs
 from rig.log.writer import LogWriter
-from rig.loop.model_file import Model, ModelBase, ModelEffect, ModelLine
-from rig.loop.model_storage import write_model
+from rig.loop.files.model_file import Model, ModelBase, ModelEffect, ModelLine
+from rig.loop.files.model_storage import write_model
 from rig.session import calibration
 
 SHORT_BACKDRIVE = ["--set", "backdrive.dwell=0.5", "--set", "backdrive.start_angles=1", "--set", "backdrive.repeats=1"]

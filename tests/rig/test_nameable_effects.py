@@ -1,9 +1,9 @@
 """Which effects of the catalogue are lines for the loop, which the demo hides, and how fitted ones run on the bench."""
 
 from rig.commands.demo import draw_effect
-from rig.loop.model_file import Model, ModelBase, ModelEffect, ModelEstimate, ModelLine
-from rig.loop.shapes import catalogue_shapes
-from rig.loop.terms import Entry, periodic_effects
+from rig.loop.files.model_file import Model, ModelBase, ModelEffect, ModelEstimate, ModelLine
+from rig.loop.model.shapes import catalogue_shapes
+from rig.loop.model.terms import Entry, periodic_effects
 from rig.simulation import effects_of_model
 from sim_backend.model.effects import CATALOGUE, Enters, Shape
 from tests.rig.loop.runs import dut

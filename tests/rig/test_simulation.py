@@ -6,7 +6,7 @@ from drivers.errors import ConfigError
 from rig.config.bench import load_bench
 from rig.config.dut import SHD_17_100, Dut, default_dut
 from rig.config.toml_file import parse_toml
-from rig.loop.parameters import parameter_table
+from rig.loop.model.parameters import parameter_table
 from rig.simulation import simulate
 from sim_backend.model.effects import CATALOGUE, ActiveEffect
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from rig.log.run import Run
-from rig.loop.aliases import Sampling, aliases, alike, likeliest
 from rig.loop.campaign import LoopOptions
 from rig.loop.result import LoopResult
+from rig.loop.search.aliases import Sampling, aliases, alike, likeliest
 from rig.loop.trace import trace
 from tests.rig.loop.runs import dut, make_run
 

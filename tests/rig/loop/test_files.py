@@ -11,7 +11,7 @@ from rich.console import Console
 from drivers.errors import ConfigError
 from rig.config.dut import SHD_17_100
 from rig.loop.campaign import LoopOptions
-from rig.loop.model_storage import load_model, write_model
+from rig.loop.files.model_storage import load_model, write_model
 from rig.loop.plot import plot_loop
 from rig.loop.predict import predict_run, write_predictions
 from rig.loop.result import LoopResult

@@ -14,12 +14,12 @@ from rig.cli import app
 from rig.config.dut import SHD_17_100, default_dut
 from rig.config.toml_file import parse_toml
 from rig.log.run import Run
-from rig.loop.model_file import Model, ModelBase, ModelEffect, ModelEstimate, ModelLine
-from rig.loop.model_storage import load_model, write_model
-from rig.loop.parameters import parameter_table
+from rig.loop.files.model_file import Model, ModelBase, ModelEffect, ModelEstimate, ModelLine
+from rig.loop.files.model_storage import load_model, write_model
+from rig.loop.model.parameters import parameter_table
+from rig.loop.model.shapes import ShapeClass, catalogue_shapes
+from rig.loop.model.terms import periodic_effects
 from rig.loop.predict import predict_run
-from rig.loop.shapes import ShapeClass, catalogue_shapes
-from rig.loop.terms import periodic_effects
 from sim_backend.model.effects import CATALOGUE, Enters
 from tests.rig.loop.runs import make_run, turning_run
 

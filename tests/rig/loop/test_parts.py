@@ -7,12 +7,12 @@ import pytest
 
 from drivers.errors import DataError
 from rig.loop.campaign import LoopOptions, split_runs
-from rig.loop.equations import pieces_of
-from rig.loop.normal import correlation_length, solve
-from rig.loop.parameters import flexspline_from_catalogue
-from rig.loop.play import play_path
-from rig.loop.terms import Line, line_values, periodic_effects
-from rig.loop.tracks import make_track
+from rig.loop.fitting.normal import correlation_length, solve
+from rig.loop.model.equations import pieces_of
+from rig.loop.model.parameters import flexspline_from_catalogue
+from rig.loop.model.terms import Line, line_values, periodic_effects
+from rig.loop.signals.play import play_path
+from rig.loop.signals.tracks import make_track
 from sim_backend.model.arrays import evaluate
 from sim_backend.model.effects import CATALOGUE
 from tests.rig.loop.runs import dut, make_run, turning_run

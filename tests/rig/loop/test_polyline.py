@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rig.loop.polyline import polyline
-from rig.loop.smoothing import smooth
+from rig.loop.signals.polyline import polyline
+from rig.loop.signals.smoothing import smooth
 
 NOISE = 0.02
 """N*m."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rig.loop.ripple import speed_ripple
+from rig.loop.signals.ripple import speed_ripple
 
 COUNT = 2 * np.pi / 16384
 OMEGA = 84 * 20.0

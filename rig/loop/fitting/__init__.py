@@ -1,0 +1,1 @@
+"""The fit: normal equations, starts, joint refits, intervals."""

@@ -1,0 +1,200 @@
+"""Joint bounded non-linear least squares of base parameters and lines over all training runs.
+
+Levenberg-Marquardt on the summed normal matrices. Positive parameters are estimated as logarithms, which bounds
+them without hard limits; the catalogue enters as a prior, in units of the information in the data.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.loop.fitting.normal import Columns, Kind, LinearPiece, Noise, Normal, linearise, noise_of, normal_of, solve
+from rig.loop.model.equations import Piece
+from rig.loop.model.prediction import Model, predict
+from rig.loop.signals.tracks import pick_rows
+from sim_backend.errors import ModelError
+
+Floats = NDArray[np.float64]
+
+BLOCK = 2.0
+"""s over which residuals are summed for tests and intervals; longer where the residual remembers longer."""
+
+COARSE = 3000
+POLISH = 3
+"""Passes over all samples after a coarse fit."""
+
+CONVERGED = 0.01
+"""Change of the weighted squares at which the fit stops: a tenth of a standard deviation of one parameter."""
+
+REWEIGHTINGS = 4
+STABLE = 0.03
+"""Rounds of weighting at most, and the relative change of a noise at which they end."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """A fitted model with everything linearised about it. `converged` is False if the last step still mattered."""
+
+    model: Model
+    columns: Columns
+    noise: dict[Kind, Noise]
+    linear: tuple[LinearPiece, ...]
+    normal: Normal
+    prior: Floats
+    pull: Floats
+    block: float
+    converged: bool
+
+    @property
+    def squares(self) -> float:
+        """Weighted sum of squares of the residual."""
+        return float(self.normal.squares.sum())
+
+
+def fit(
+    pieces: Sequence[Piece], model: Model, noise: dict[Kind, Noise], *, passes: int = 30, block: float = BLOCK
+) -> Fit:
+    """Fit base and lines together from the model's values. `noise` weighs the kinds; empty: all alike."""
+    columns = _columns(pieces, model)
+    damping = 1e-3
+    current = _state(pieces, model, columns, noise, block)
+    converged = False
+    for _ in range(passes):
+        A = current.normal.A.sum(axis=0) + np.diag(current.prior)
+        g = current.normal.g.sum(axis=0) + current.pull
+        cost = _cost(current)
+        improved = False
+        for _ in range(6):
+            step = solve(A + damping * np.diag(np.diag(A)), g)
+            trial = _moved(current.model, columns, step)
+            trial_cost = _quick_cost(pieces, trial, current)
+            if trial_cost <= cost:
+                improved = True
+                damping = max(damping * 0.1, 1e-9)
+                break
+            damping *= 10.0
+        if not improved:
+            converged = True
+            break
+        current = _state(pieces, trial, columns, noise, block)
+        if cost - trial_cost <= CONVERGED:
+            converged = True
+            break
+    return replace(current, converged=converged)
+
+
+def coarse(pieces: Sequence[Piece]) -> list[Piece]:
+    """Give the pieces with at most `COARSE` samples of every turning run: enough to find the way, not the interval."""
+    found = []
+    for piece in pieces:
+        step = -(-piece.index.size // COARSE)
+        if piece.track.moves and step > 1:
+            rows = piece.index[::step]
+            piece = replace(
+                piece, track=pick_rows(piece.track, rows), index=np.arange(rows.size), target=piece.target[::step]
+            )
+        found.append(piece)
+    return found
+
+
+def fit_stably(pieces: Sequence[Piece], model: Model, noise: dict[Kind, Noise], block: float) -> Fit:
+    """Fit until the weights that follow from the residual no longer change.
+
+    Starts from the model's own base values and from the catalogue's, coarsely, and goes on with the better one.
+    """
+    few = coarse(pieces)
+    starts = (model, replace(model, values=model.table.start()))
+    best = min((fit(few, start, noise, block=block) for start in starts), key=_cost)
+    state = reweighted(fit(pieces, best.model, noise, passes=POLISH, block=block))
+    for _ in range(REWEIGHTINGS):
+        before = state.noise
+        rough = fit(few, state.model, before, block=state.block)
+        state = reweighted(fit(pieces, rough.model, before, passes=POLISH, block=state.block))
+        if all(abs(np.log(state.noise[kind].sigma / before[kind].sigma)) < STABLE for kind in before):
+            break
+    return state
+
+
+def refit(pieces: Sequence[Piece], like: Fit, model: Model) -> Fit:
+    """Fit the model with weights that follow from its own residual."""
+    return fit_stably(pieces, model, like.noise, like.block)
+
+
+def reweighted(state: Fit) -> Fit:
+    """Give the same fit with the weights and blocks that its own residual calls for."""
+    noise = noise_of(state.linear)
+    return with_noise(state, noise)
+
+
+def with_noise(state: Fit, noise: dict[Kind, Noise]) -> Fit:
+    """Give the same fit with other weights and the blocks that go with them."""
+    pieces = [item.piece for item in state.linear]
+    return _state(pieces, state.model, state.columns, noise, state.block)
+
+
+def _columns(pieces: Sequence[Piece], model: Model) -> Columns:
+    used: set[str] = set()
+    for piece in pieces:
+        used |= predict(piece, model).base.keys()
+    names = tuple(name for name in model.table.names if name in used)
+    free_order = tuple(line.kind.fixed_order is None for line in model.lines)
+    return Columns(names, free_order, tuple(len(term.free) for term in model.shapes))
+
+
+def _state(pieces: Sequence[Piece], model: Model, columns: Columns, noise: dict[Kind, Noise], block: float) -> Fit:
+    linear = linearise(pieces, model, columns, noise, block)
+    prior, pull = np.zeros(columns.size), np.zeros(columns.size)
+    if noise:
+        rows = [model.table.names.index(name) for name in columns.base]
+        prior[: len(rows)] = model.table.prior_weight()[rows]
+        pull[: len(rows)] = -prior[: len(rows)] * _deviation(model)[rows]
+    return Fit(model, columns, noise, tuple(linear), normal_of(linear), prior, pull, block, False)
+
+
+def _deviation(model: Model) -> Floats:
+    """Distance of the base values from the prior's centre, in the scale of the fit."""
+    centre, logarithmic = model.table.centre(), model.table.logarithmic()
+    positive = np.where(logarithmic, model.values, 1.0)
+    return np.where(logarithmic, np.log(positive / np.where(logarithmic, centre, 1.0)), model.values - centre)
+
+
+def _cost(state: Fit) -> float:
+    rows = [state.model.table.names.index(name) for name in state.columns.base]
+    return state.squares + float(state.prior[: len(rows)] @ _deviation(state.model)[rows] ** 2)
+
+
+def _quick_cost(pieces: Sequence[Piece], model: Model, like: Fit) -> float:
+    """Cost of a trial model without its Jacobian; infinite where no drive is like it (T1 above T2)."""
+    total = 0.0
+    for piece, item in zip(pieces, like.linear, strict=True):
+        try:
+            residual = piece.target - predict(piece, model).value[piece.index]
+        except ModelError:
+            return math.inf
+        if piece.demeaned:
+            residual = residual - residual.mean()
+        total += item.weight * float(residual @ residual)
+    rows = [model.table.names.index(name) for name in like.columns.base]
+    return total + float(like.prior[: len(rows)] @ _deviation(model)[rows] ** 2)
+
+
+def _moved(model: Model, columns: Columns, step: Floats) -> Model:
+    values = model.values.copy()
+    for number, name in enumerate(columns.base):
+        place = model.table.names.index(name)
+        if model.table.entries[place].logarithmic:
+            values[place] *= np.exp(np.clip(step[number], -1.0, 1.0))
+        else:
+            values[place] += step[number]
+    lines = []
+    for number, line in enumerate(model.lines):
+        change = step[columns.of_line(number)]
+        order = line.order + float(change[2]) if change.size == 3 else line.order
+        lines.append(
+            replace(line, sine=line.sine + float(change[0]), cosine=line.cosine + float(change[1]), order=order)
+        )
+    shapes = tuple(term.moved(step[columns.of_shape(number)]) for number, term in enumerate(model.shapes))
+    return replace(model, values=values, lines=tuple(lines), shapes=shapes)

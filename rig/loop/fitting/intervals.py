@@ -1,0 +1,173 @@
+"""How well a fit knows its parameters: covariance with all that the residual alone does not show.
+
+    covariance = A^-1 (blocks of time + catalogue + what the angles are unsure by) A^-1
+
+Blocks of time are independent, samples inside need not be. What is wrong in the same way throughout a run or a leg (the
+zero of an encoder, a ripple below one count) shows in no block and is added; what differs between conditions more than
+blocks tell widens the rest.
+"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+from scipy.stats import t as student
+
+from rig.loop.fitting.fit import Fit
+from rig.loop.fitting.normal import solve
+from rig.loop.model.equations import Law, Piece
+from rig.loop.signals.ripple import RESOLVED
+
+Floats = NDArray[np.float64]
+
+INFORMS = 0.05
+"""Share of the best condition's information about a parameter that another must have to count for it."""
+
+
+def covariance(state: Fit) -> Floats:
+    """Sandwich covariance (p, p) of the estimates: blocks of time are independent, samples inside need not be."""
+    A = state.normal.A.sum(axis=0) + np.diag(state.prior)
+    count = 1 + max((int(item.blocks.max()) for item in state.linear), default=0)
+    scores = np.zeros((count, A.shape[0]))
+    inverse = solve(A, np.eye(A.shape[0]))
+    for item in state.linear:
+        moments = item.jacobian * item.residual[:, None] * item.weight
+        np.add.at(scores, item.blocks, item.block_sums(moments))
+    middle = scores.T @ scores
+    freedom = max(count - A.shape[0], 1)
+    # the catalogue's scatter is part of what is not known
+    middle = middle * (count / freedom) + np.diag(state.prior) + _unsure_ripple(state) + _unsure_zeros(state)
+    found = inverse @ middle @ inverse
+    widening = _between_conditions(state, inverse, np.diag(found))
+    return np.asarray(found * np.outer(widening, widening))
+
+
+def _unsure_ripple(state: Fit) -> Floats:
+    """Give what the unsure ripple of the rotor adds to the scatter of the scores, shape (p, p).
+
+    The rotor takes up J_r (k w)^2 times its ripple at a line of order k; a ripple below one count is known to a few per
+    cent, and is wrong in the same way throughout a leg, so that no block of time tells.
+    """
+    size = state.columns.size
+    found = np.zeros((size, size))
+    inertia = abs(state.model.value("J_r"))
+    for item in state.linear:
+        track, rows = item.piece.track, item.piece.index
+        if item.piece.law is not Law.FREE_RUN or track.ripple is None or "J_r" not in item.evaluation.base:
+            continue
+        for number, line in enumerate(state.model.lines):
+            if line.kind.variable != "motor_position" or line.kind.entry.is_angle:
+                continue
+            pair = item.jacobian[:, state.columns.of_line(number)][:, :2]
+            for speed in np.unique(track.speed[rows]):
+                leg = track.speed[rows] == speed
+                if not np.any(track.ripple.position[rows][leg]):
+                    continue
+                error = inertia * (line.order * speed) ** 2 * float(track.ripple.noise[rows][leg].max())
+                scores = item.weight * error * item.jacobian[leg].T @ pair[leg]
+                found += scores @ scores.T
+    return found
+
+
+def hidden_share(state: Fit, number: int) -> float:
+    """Give the share of a torque line that the rotor may take up unseen, because its ripple drowns in the encoder.
+
+    The least over all legs: there the line is known best. 0 for a line that is no torque of the motor angle, and where
+    no leg has lines. Below `RESOLVED` times its noise a ripple is not corrected for.
+    """
+    line = state.model.lines[number]
+    if line.kind.variable != "motor_position" or line.kind.entry.is_angle:
+        return 0.0
+    inertia = abs(state.model.value("J_r"))
+    found = []
+    for item in state.linear:
+        track, rows = item.piece.track, item.piece.index
+        if item.piece.law is not Law.FREE_RUN or track.ripple is None:
+            continue
+        for speed in np.unique(track.speed[rows]):
+            leg = track.speed[rows] == speed
+            noise = float(track.ripple.noise[rows][leg].max())
+            resolved = bool(np.any(track.ripple.position[rows][leg]))
+            found.append(inertia * (line.order * speed) ** 2 * noise * (1.0 if resolved else RESOLVED))
+    return min(found, default=0.0) / max(line.amplitude, 1e-300)
+
+
+def _unsure_zeros(state: Fit) -> Floats:
+    """Give what the unknown zeros of an encoder add to the scatter of the scores, shape (p, p).
+
+    A zero that differs from run to run turns every line of that angle alike throughout a run. How much they differ is
+    read off the runs: what the best turn of each exceeds its own uncertainty by.
+    """
+    found = np.zeros((state.columns.size, state.columns.size))
+    for variable in {line.kind.variable for line in state.model.lines}:
+        turned = list(_turned(state, variable))
+        informs = np.array([information for information, _, _ in turned])
+        seen = informs > INFORMS * informs.max(initial=0.0)
+        if seen.sum() < 2:
+            continue
+        turn = np.array([pull for _, pull, _ in turned])[seen] / informs[seen]
+        # the fit has taken one common turn out of them; of few runs the spread is itself hardly known
+        freedom = turn.size - 1
+        few = student.ppf(0.975, freedom) / student.ppf(0.975, 1000)
+        noise = 1.0 / informs[seen] - 1.0 / float(informs.sum())
+        excess = few**2 * float((turn**2 - noise).sum()) / freedom
+        if excess > 0.0:
+            found += excess * sum(np.outer(scores, scores) for _, _, scores in turned)
+    return found
+
+
+def _turned(state: Fit, variable: str) -> Iterator[tuple[float, float, Floats]]:
+    """Give for every run what a turn of the angle `variable` by 1 rad does.
+
+    Its information (1/rad^2), its pull on the residual (1/rad), and the scores (p,) that it would add.
+    """
+    lines = [(n, line) for n, line in enumerate(state.model.lines) if line.kind.variable == variable]
+    for name in state.normal.runs:
+        information, pull, scores = 0.0, 0.0, np.zeros(state.columns.size)
+        for item in state.linear:
+            if item.piece.track.name != name:
+                continue
+            turn = np.zeros(item.residual.size)
+            for number, line in lines:
+                pair = item.jacobian[:, state.columns.of_line(number)]
+                turn += line.order * (line.sine * pair[:, 1] - line.cosine * pair[:, 0])
+            information += item.weight * float(turn @ turn)
+            pull += item.weight * float(turn @ item.residual)
+            scores += item.weight * item.jacobian.T @ turn
+        yield information, pull, scores
+
+
+def _between_conditions(state: Fit, inverse: Floats, variance: Floats) -> Floats:
+    """Give the factors (p,) by which estimates scatter more between conditions than blocks of time tell.
+
+    What the model lacks is often the same within a run and its replicates and another at the next speed or angle:
+    blocks then count one error many times. A factor is applied only where the excess is significant at 5 %.
+    """
+    conditions = sorted({_condition(item.piece) for item in state.linear})
+    scores = np.zeros((len(conditions), variance.size))
+    informed = np.zeros((len(conditions), variance.size))
+    for item in state.linear:
+        row = conditions.index(_condition(item.piece))
+        scores[row] += item.weight * (item.residual @ item.jacobian)
+        informed[row] += item.weight * (item.jacobian**2).sum(axis=0)
+    between = ((scores @ inverse) ** 2).sum(axis=0)
+    counts = (informed > INFORMS * informed.max(axis=0)).sum(axis=0)
+    factors = np.ones(variance.size)
+    for k in np.flatnonzero((counts >= 2) & (variance > 0)).tolist():
+        freedom = int(counts[k]) - 1
+        ratio = between[k] * counts[k] / (freedom * variance[k])
+        if ratio > chi2.ppf(0.95, freedom) / freedom:
+            factors[k] = math.sqrt(ratio) * student.ppf(0.975, freedom) / student.ppf(0.975, 1000)
+    return np.maximum(factors, 1.0)
+
+
+def _condition(piece: Piece) -> str:
+    return f"{piece.track.procedure} {piece.track.replicate or piece.track.name}"
+
+
+def quantile(state: Fit) -> float:
+    """Give the factor from standard deviation to 95 % half width, for the number of blocks at hand."""
+    count = 1 + max((int(item.blocks.max()) for item in state.linear), default=0)
+    return float(student.ppf(0.975, max(count - state.columns.size, 2)))

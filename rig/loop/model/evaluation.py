@@ -1,0 +1,222 @@
+"""How terms reach the prediction of a piece: what they add to angle, balances and friction, and how that shows."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.loop.model.shapes import Place, ShapeTerm, addition, derivatives, place_of
+from rig.loop.model.terms import Entry, LineValues, TermClass
+from sim_backend.model.effects import Effect
+
+Floats = NDArray[np.float64]
+Rows = NDArray[np.intp]
+
+ANGLES = ("motor_position", "output_position")
+"""Signals that a line may follow."""
+
+FLEXSPLINE_TORQUE = "flexspline_torque"
+"""Name of the torque by which an angle error acts on the motor, beside the signals of the contract."""
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """How an addition to a balance reaches the prediction: times `weight` (n,), taken at the samples `rows` (n,).
+
+    `rows` None: at the same sample; a play passes it on only from the last sample at which it slipped.
+    """
+
+    weight: Floats
+    rows: Rows | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """Prediction (n,) of a piece over its whole track.
+
+    `base`: derivative (n,) by base parameter. `angle`: whether an addition to the torsion shows; `motor`, `load`,
+    `friction`: how additions to the motor and the output balance and to the level of friction show. `signals`: what
+    terms may use, by name; `positions`: the angles among them. `torque`: output torque by which an angle error acts on
+    the motor. `settled`: the law determines it, whatever the start of a play was and whatever a servo does within the
+    friction. `ratio`: of the gear, 1 where it is unknown.
+    """
+
+    value: Floats
+    base: dict[str, Floats]
+    angle: bool
+    motor: Route | None
+    load: Route | None
+    friction: Route | None
+    signals: dict[str, Floats]
+    torque: Floats
+    settled: NDArray[np.bool_]
+    ratio: float
+
+    @property
+    def positions(self) -> dict[str, Floats]:
+        """The angles that lines may use, by signal."""
+        return {name: self.signals[name] for name in ANGLES if name in self.signals}
+
+    @property
+    def direction(self) -> Floats:
+        """Sign of the speed, shape (n,)."""
+        return self.signals["direction"]
+
+    def columns(self, kind: TermClass, values: LineValues, rows: Rows) -> tuple[Floats, Floats, Floats]:
+        """Give the derivatives at the samples `rows` (m,) by sine, cosine and order of a line of this kind.
+
+        `values`: the line at every sample of the track.
+        """
+        found = []
+        for plain, sloped in (
+            (values.by_sine, values.slope_by_sine),
+            (values.by_cosine, values.slope_by_cosine),
+            (values.by_order, values.slope_by_order),
+        ):
+            column = np.zeros(rows.size)
+            angle = angle_addition(kind.entry, plain, self.torque, self.ratio)
+            if self.angle and angle is not None:
+                column += angle[rows]
+            motor = motor_addition(kind.entry, plain, sloped, self.torque, self.signals)
+            if self.motor is not None and motor is not None:
+                column += through(self.motor, motor, rows)
+            load = load_addition(kind.entry, plain, self.direction)
+            if self.load is not None and load is not None:
+                column += through(self.load, load, rows)
+            if self.friction is not None and kind.entry is Entry.MOTOR_AGAINST_MOTION:
+                column += through(self.friction, plain, rows)
+            found.append(column)
+        return found[0], found[1], found[2]
+
+    def shape_columns(self, term: ShapeTerm, rows: Rows, step: float) -> list[Floats] | None:
+        """Give the derivatives at the samples `rows` (m,) by every free parameter; None if the term does not act.
+
+        `step`: s between the track's samples.
+        """
+        if not self.shows(term.effect):
+            return None
+        added = derivatives(term, self.signals, step)
+        if added is None:
+            return None
+        return [self.shown(term.effect, value, rows) for value in added]
+
+    def shows(self, effect: Effect) -> bool:
+        """Whether the effect can change the prediction."""
+        match place_of(effect):
+            case Place.ANGLE:
+                return self.angle
+            case Place.MOTOR:
+                return self.motor is not None
+            case Place.LOAD:
+                return self.load is not None
+            case Place.FRICTION:
+                return self.friction is not None
+
+    def shown(self, effect: Effect, added: Floats, rows: Rows) -> Floats:
+        """Give what an addition (n,) of an effect that shows does to the prediction at the samples `rows`, (m,)."""
+        route = {Place.MOTOR: self.motor, Place.LOAD: self.load, Place.FRICTION: self.friction}.get(place_of(effect))
+        return added[rows] / _gear_of(effect, self.ratio) if route is None else through(route, added, rows)
+
+
+def _gear_of(effect: Effect, ratio: float) -> float:
+    """Give what an angle is divided by before it counts at the output."""
+    return ratio if effect.reads == "motor_position" else 1.0
+
+
+def angle_addition(entry: Entry, value: Floats, torque: Floats, ratio: float) -> Floats | None:
+    """Give what a term adds to the torsion (rad, shape (n,)), None if nothing."""
+    match entry:
+        case Entry.TORSION | Entry.ANGLE_ONLY:
+            return value
+        case Entry.MOTOR_ANGLE:
+            return value / ratio
+        case Entry.TORSION_TIMES_TORQUE:
+            return torque * value
+        case _:
+            return None
+
+
+def motor_addition(
+    entry: Entry, value: Floats, slope: Floats, torque: Floats, signals: Mapping[str, Floats]
+) -> Floats | None:
+    """Give what a term adds to the motor balance (N*m, shape (n,)), None if nothing."""
+    match entry:
+        case Entry.MOTOR:
+            return value
+        case Entry.TORSION:
+            return -torque * slope
+        case Entry.TORSION_TIMES_TORQUE:
+            return -0.5 * torque**2 * slope
+        case Entry.MOTOR_TIMES_TORQUE:
+            return signals["motor_torque"] * value if "motor_torque" in signals else None
+        case _:
+            return None
+
+
+def load_addition(entry: Entry, value: Floats, direction: Floats) -> Floats | None:
+    """Give what a term adds to the output balance (N*m, shape (n,)), None if nothing."""
+    match entry:
+        case Entry.OUTPUT:
+            return value
+        case Entry.OUTPUT_AGAINST_MOTION:
+            return direction * value
+        case _:
+            return None
+
+
+def through(route: Route, addition: Floats, rows: Rows) -> Floats:
+    """Give what an addition (n,) to a balance does to the prediction at the samples `rows`, (m,)."""
+    return route.weight[rows] * addition[rows if route.rows is None else route.rows[rows]]
+
+
+@dataclass(frozen=True, slots=True)
+class Added:
+    """What the model's terms add on a track: its lines at the run's angles, its shapes, and the signals they take."""
+
+    lines: tuple[tuple[Entry, LineValues], ...]
+    shapes: tuple[ShapeTerm, ...]
+    step: float
+    ratio: float
+
+    def angle(self, signals: Mapping[str, Floats]) -> Floats:
+        """Give the sum added to the torsion, rad, shape (n,)."""
+        torque = signals[FLEXSPLINE_TORQUE]
+        parts = [angle_addition(entry, values.value, torque, self.ratio) for entry, values in self.lines]
+        parts += [
+            added / _gear_of(term.effect, self.ratio)
+            for term in self._at(Place.ANGLE)
+            if (added := addition(term, signals, self.step)) is not None
+        ]
+        return _sum(torque.size, parts)
+
+    def load(self, signals: Mapping[str, Floats]) -> Floats:
+        """Give the sum added to the output balance, N*m, shape (n,)."""
+        parts = [load_addition(entry, values.value, signals["direction"]) for entry, values in self.lines]
+        parts += [addition(term, signals, self.step) for term in self._at(Place.LOAD)]
+        return _sum(signals["direction"].size, parts)
+
+    def motor(self, signals: Mapping[str, Floats]) -> Floats:
+        """Give the sum added to the motor balance, N*m, shape (n,)."""
+        torque = signals[FLEXSPLINE_TORQUE]
+        parts = [motor_addition(entry, values.value, values.slope, torque, signals) for entry, values in self.lines]
+        parts += [addition(term, signals, self.step) for term in self._at(Place.MOTOR)]
+        return _sum(torque.size, parts)
+
+    def friction(self, signals: Mapping[str, Floats]) -> Floats | None:
+        """Give the sum added to the level of friction, N*m at the motor, shape (n,); None where nothing is."""
+        parts: list[Floats | None] = [
+            values.value for entry, values in self.lines if entry is Entry.MOTOR_AGAINST_MOTION
+        ]
+        parts += [addition(term, signals, self.step) for term in self._at(Place.FRICTION)]
+        return _sum(signals["direction"].size, parts) if parts else None
+
+    def _at(self, place: Place) -> list[ShapeTerm]:
+        return [term for term in self.shapes if place_of(term.effect) is place]
+
+
+def _sum(size: int, parts: Sequence[Floats | None]) -> Floats:
+    total = np.zeros(size)
+    for part in parts:
+        total = total if part is None else total + part
+    return total

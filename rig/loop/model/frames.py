@@ -1,0 +1,53 @@
+"""Between the frame of the log and the sense `opposed` in which everything is computed.
+
+For rotation `same` the motor signals are negated on entry, so that the phases of lines must be turned on exit; each
+turn is its own inverse.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from rig.config.dut import Dut, Rotation
+from rig.loop.model.shapes import ShapeTerm, addition
+from rig.loop.model.terms import Entry, Line
+
+
+def turned(line: Line, dut: Dut) -> Line:
+    """Give the line in the other frame: from computing to log, or back."""
+    if dut.gear.rotation is not Rotation.SAME:
+        return line
+    phase = _turned_phase(line)
+    return replace(line, sine=line.amplitude * math.cos(phase), cosine=line.amplitude * math.sin(phase))
+
+
+def _turned_phase(line: Line) -> float:
+    negated_torque = line.kind.entry is Entry.MOTOR
+    negated_sign = line.kind.entry in (Entry.MOTOR_AGAINST_MOTION, Entry.OUTPUT_AGAINST_MOTION)
+    if line.kind.variable == "motor_position":
+        # sin(phase - k x) = sin(k x + pi - phase)
+        angle = math.pi - line.phase
+        negated = negated_torque or line.kind.entry in (Entry.OUTPUT_AGAINST_MOTION, Entry.MOTOR_ANGLE)
+        return angle + math.pi if negated else angle
+    return line.phase + math.pi if negated_torque or (negated_sign and line.kind.entry.is_angle) else line.phase
+
+
+def turned_shape(term: ShapeTerm, dut: Dut) -> ShapeTerm:
+    """Give an effect that is no line in the other frame: a constant in a negated torque changes its sign."""
+    constant = term.effect.reads == "motor_torque" and term.effect.linear and "motor_current" not in term.effect.signals
+    if dut.gear.rotation is not Rotation.SAME or not constant:
+        return term
+    one, other = (addition(term, {name: np.full(2, sign) for name in term.effect.signals}, 1.0) for sign in (1.0, -1.0))
+    if one is None or other is None or not np.array_equal(one, other):
+        return term
+    negated = [
+        -value if parameter.name in term.effect.amplitudes else value
+        for parameter, value in zip(term.effect.parameters, term.values, strict=True)
+    ]
+    return ShapeTerm(term.effect, tuple(negated))
+
+
+def wrapped(angle: float) -> float:
+    """Give the angle within -pi to pi, rad."""
+    return math.remainder(angle, 2.0 * math.pi)

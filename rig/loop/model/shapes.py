@@ -1,0 +1,199 @@
+"""Effects of the catalogue that are no lines: their additions over a run, and the derivatives by their parameters.
+
+One function serves the plant and the fit: what an effect adds is evaluated from its catalogue entry, over the signals
+that the run recorded or the model predicts. Where it acts decides how the addition reaches a prediction:
+
+    angle      the torsion (an angle's reading at the motor counts 1/N); what bends it with the motor's angle, and so
+               acts back on the motor, is a line
+    motor      what the motor must overcome; a wrong reading of the motor torque acts alike
+    load       what the output must overcome; a wrong reading of the output torque acts alike
+    friction   level of the dry friction, seen at the motor
+"""
+
+import math
+from collections.abc import Mapping, Set
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.loop.model.equations import Equation
+from rig.loop.model.terms import is_line
+from sim_backend.model.arrays import evaluate
+from sim_backend.model.effects import CATALOGUE, Effect, Enters, Shape
+
+Floats = NDArray[np.float64]
+
+SWEPT_TORQUE = "swept_torque"
+"""Name of the polyline that the output torque follows, beside the signals of the contract; several values a sample."""
+
+DIFFERENCE = 1e-4
+"""Relative step of a parameter over which a derivative is taken."""
+
+
+class Place(StrEnum):
+    """Where an addition reaches the equations."""
+
+    ANGLE = "angle"
+    MOTOR = "motor"
+    LOAD = "load"
+    FRICTION = "friction"
+
+
+@dataclass(frozen=True, slots=True)
+class ShapeClass:
+    """An effect as a kind of term, beside `TermClass`."""
+
+    effect: str
+
+    @property
+    def id(self) -> str:
+        """The name in the result."""
+        return self.effect
+
+    @property
+    def variable(self) -> str:
+        """The signal that it follows."""
+        return CATALOGUE[self.effect].variable
+
+    @property
+    def shape(self) -> str:
+        """How it follows it."""
+        return str(CATALOGUE[self.effect].shape)
+
+    @property
+    def enters(self) -> str:
+        """Where it acts, as the model file says it."""
+        effect = CATALOGUE[self.effect]
+        return f"{effect.enters} of {effect.reads}" if effect.reads else str(effect.enters)
+
+    @property
+    def is_angle(self) -> bool:
+        """Whether it is an angle, not a torque."""
+        return place_of(CATALOGUE[self.effect]) is Place.ANGLE
+
+    @property
+    def equation(self) -> Equation:
+        """The equation in which it shows first."""
+        effect = CATALOGUE[self.effect]
+        if effect.reads == "output_torque":
+            return Equation.TORSION
+        return {
+            Place.ANGLE: Equation.TORSION,
+            Place.MOTOR: Equation.MOTOR_TORQUE,
+            Place.LOAD: Equation.OUTPUT_TORQUE,
+            Place.FRICTION: Equation.MOTOR_TORQUE,
+        }[place_of(effect)]
+
+
+@dataclass(frozen=True, slots=True)
+class ShapeTerm:
+    """An effect with the values of its parameters, in the order of `effect.parameters`."""
+
+    effect: Effect
+    values: tuple[float, ...]
+
+    @property
+    def free(self) -> tuple[int, ...]:
+        """Places of the parameters that a fit estimates."""
+        return tuple(k for k, p in enumerate(self.effect.parameters) if not p.known)
+
+    @property
+    def kind(self) -> ShapeClass:
+        """Its kind."""
+        return ShapeClass(self.effect.id)
+
+    @property
+    def frequencies(self) -> tuple[float, ...]:
+        """Parameters that are frequencies, Hz."""
+        return tuple(v for p, v in zip(self.effect.parameters, self.values, strict=True) if p.unit == "Hz")
+
+    def value(self, name: str) -> float:
+        """Give one parameter."""
+        return self.values[[p.name for p in self.effect.parameters].index(name)]
+
+    def moved(self, change: Floats) -> "ShapeTerm":
+        """Give the term with its free parameters changed, inside their physical range; see `is_logarithmic`."""
+        values = list(self.values)
+        for step, k in zip(change.tolist(), self.free, strict=True):
+            parameter = self.effect.parameters[k]
+            moved = values[k] * math.exp(min(max(step, -1.0), 1.0)) if self.is_logarithmic(k) else values[k] + step
+            values[k] = min(max(moved, parameter.low), parameter.high)
+        return ShapeTerm(self.effect, tuple(values))
+
+    def scaled(self, k: int, factor: float) -> "ShapeTerm":
+        """Give the term with one parameter multiplied, inside its physical range."""
+        parameter = self.effect.parameters[k]
+        return _with(self, k, min(max(self.values[k] * factor, parameter.low), parameter.high))
+
+    def is_logarithmic(self, k: int) -> bool:
+        """Whether a parameter is estimated as a logarithm: all that are no amplitudes."""
+        return self.effect.parameters[k].name not in self.effect.amplitudes
+
+
+def catalogue_shapes() -> tuple[Effect, ...]:
+    """Give the effects that a fit can add and that are no lines; events have no repeatable column."""
+    return tuple(
+        effect
+        for effect in CATALOGUE.values()
+        if effect.enters is not Enters.BASE and effect.shape is not Shape.EVENT and not is_line(effect)
+    )
+
+
+def named_effect(name: str, parameters: Set[str]) -> Effect | None:
+    """Give the effect that an id of a result stands for; of an ambiguous set the one that has these parameters."""
+    members = name.removeprefix("ambiguous:").split("|")
+    known = [CATALOGUE[member] for member in members if member in CATALOGUE]
+    if len(members) == 1:
+        return known[0] if known else None
+    return next((effect for effect in known if {p.name for p in effect.parameters} == parameters), None)
+
+
+def place_of(effect: Effect) -> Place:
+    """Give where the effect's addition reaches the equations."""
+    if effect.enters is Enters.READING:
+        return {"motor_torque": Place.MOTOR, "output_torque": Place.LOAD}.get(effect.reads, Place.ANGLE)
+    return {
+        Enters.TORSION: Place.ANGLE,
+        Enters.MOTOR_BALANCE: Place.MOTOR,
+        Enters.OUTPUT_BALANCE: Place.LOAD,
+        Enters.FRICTION: Place.FRICTION,
+    }[effect.enters]
+
+
+def addition(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> Floats | None:
+    """Give what the term adds, shape (n,), in its unit; None where a signal it takes was not recorded."""
+    if any(name not in signals for name in term.effect.signals):
+        return None
+    return _ringing(term, signals, step) if term.frequencies else evaluate(term.effect, signals, term.values, step=step)
+
+
+def _ringing(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> Floats | None:
+    """Give the addition of what the corners of the output torque set ringing; None where it has none that are known.
+
+    Noise would set it ringing too, and samples averaged before would bend where the torque has a corner.
+    """
+    if SWEPT_TORQUE not in signals:
+        return None
+    fast = signals[SWEPT_TORQUE]
+    fine = fast.size // signals["output_torque"].size
+    added = evaluate(term.effect, {"output_torque": fast}, term.values, step=step / fine)
+    return np.asarray(added.reshape(-1, fine).mean(axis=1))
+
+
+def derivatives(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> list[Floats] | None:
+    """Give the derivative of the addition by every free parameter, each (n,), in the scale of the fit."""
+    found = []
+    for k in term.free:
+        parameter = term.effect.parameters[k]
+        width = DIFFERENCE * max(abs(term.values[k]), 1e-2 * abs(parameter.typical))
+        up, down = (addition(_with(term, k, term.values[k] + sign * width), signals, step) for sign in (1.0, -1.0))
+        if up is None or down is None:
+            return None
+        found.append((up - down) / (2.0 * width) * (term.values[k] if term.is_logarithmic(k) else 1.0))
+    return found
+
+
+def _with(term: ShapeTerm, k: int, value: float) -> ShapeTerm:
+    return ShapeTerm(term.effect, (*term.values[:k], value, *term.values[k + 1 :]))

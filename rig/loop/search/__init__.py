@@ -1,0 +1,1 @@
+"""The search for what the model lacks: candidates, their trials, selection and withdrawal."""

@@ -1,0 +1,70 @@
+"""Which of several effects that explain nearly as much explains most once everything is fitted again with it.
+
+A large effect that is missing bends the base model, and then the gain of a linearised trial favours whatever resembles
+the bent model's residual. The contenders are compared by their own joint fits instead.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from rig.loop.fitting.fit import Fit, coarse, fit
+from rig.loop.fitting.normal import noise_of
+from rig.loop.model.equations import Piece
+from rig.loop.search.shape_trials import ShapeTrial
+from rig.loop.search.trial import Ground
+
+CONTENDS = 0.3
+"""Share of the best gain from which on an effect is fitted before it is compared."""
+
+MOST = 4
+"""Effects that are fitted at most."""
+
+PASSES, REWEIGHTINGS = 10, 3
+"""Passes of a fit at most, and how often its weights are taken anew from its residual."""
+
+
+def by_joint_fit(pieces: Sequence[Piece], ground: Ground, trials: Sequence[ShapeTrial]) -> list[ShapeTrial]:
+    """Order the contenders among `trials` by how far a joint fit with each lowers the residual; gains follow suit.
+
+    The best contender gets the largest linearised gain among them, the others their share of it. As logarithms of the
+    ratio of squares are compared, equation by equation, what removes nearly everything beats what removes most.
+    """
+    most = max((item.trial.gain for item in trials), default=0.0)
+    close = [item for item in trials if item.trial.gain >= CONTENDS * most][:MOST]
+    if len(close) < 2:
+        return list(trials)
+    few = coarse(pieces)
+    before = fit(few, ground.fit.model, ground.fit.noise, passes=PASSES, block=ground.fit.block)
+    explained = [_explained(before, _with(few, ground.fit, item)) for item in close]
+    best = max(explained)
+    if best <= 0.0:
+        return list(trials)
+    largest = max(item.trial.gain for item in close)
+    compared = [
+        replace(item, trial=replace(item.trial, gain=largest * max(share, 0.0) / best))
+        for item, share in zip(close, explained, strict=True)
+    ]
+    rest = [item for item in trials if all(item is not other for other in close)]
+    return sorted([*compared, *rest], key=lambda item: -item.trial.gain)
+
+
+def _with(pieces: Sequence[Piece], ground: Fit, item: ShapeTrial) -> Fit:
+    """Fit the contender with everything else; weights follow the residual."""
+    model = replace(ground.model, shapes=(*ground.model.shapes, item.term))
+    state = fit(pieces, model, ground.noise, passes=PASSES, block=ground.block)
+    for _ in range(REWEIGHTINGS):
+        state = fit(pieces, state.model, noise_of(state.linear), passes=PASSES, block=ground.block)
+    return state
+
+
+def _explained(before: Fit, after: Fit) -> float:
+    """Give the sum of weighted squares times the logarithm of the ratio of squares, over the kinds of piece."""
+    total = 0.0
+    was, now = noise_of(before.linear), noise_of(after.linear)
+    for kind, noise in was.items():
+        squares = sum(
+            item.weight * float(item.residual @ item.residual) for item in before.linear if item.piece.kind == kind
+        )
+        total += 2.0 * squares * math.log(noise.sigma / now[kind].sigma)
+    return total

@@ -1,0 +1,168 @@
+"""What a peak in the spectrum of the residual could be: the classes to try, and at which order.
+
+Every kind of piece is scanned over the angle that it has, also for lines that flip with the direction. Which classes a
+peak proposes depends on the equation, the angle and the order; how well they explain it is for others to say.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rig.loop.model.equations import Equation
+from rig.loop.model.terms import Entry, TermClass, periodic_effects
+from rig.loop.search.lines import Peak, Spectrum, peaks, scan
+from rig.loop.search.trial import Ground, line_gain
+
+LOW_ORDERS = 12.0
+"""Orders up to which every one is tried where only start angles tell them apart."""
+
+PEAKS_BY_HEIGHT = 3
+PEAKS_BY_POWER = 3
+MOST_MODULATIONS = 6.0
+"""Cycles of the stiffness per motor turn that are looked for."""
+
+SUBDIVISION = "encoder-subdivision-error"
+LEAST_LINES = 16
+"""Lines a turn that an encoder has at least."""
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """A class to try at an order (1/rev); `resolution`: width of the peak, 1/rev; `height`: how far it stands out."""
+
+    kind: TermClass
+    order: float
+    resolution: float
+    height: float = 0.0
+
+
+def propose(ground: Ground, known: Mapping[str, float]) -> tuple[list[Proposal], float, float]:
+    """Scan every kind of piece and give the classes to try at each peak, and the tests among free and fixed orders.
+
+    Kinds are scanned apart: a few start angles of a sweep would otherwise hide a line that a turning run shows clearly.
+    Either sort of order has half of the false alarms: a class without a free order need not pay for the search.
+    """
+    found: list[Proposal] = []
+    tests = 0.0
+    linear = ground.fit.linear
+    ratio = ground.fit.model.ratio
+    effects = periodic_effects()
+    counts = known.get("output_encoder_counts")
+    for kind in dict.fromkeys(item.piece.kind for item in linear):
+        equation = kind[0]
+        items = [item for item in linear if item.piece.kind == kind]
+        has_motor = any("motor_position" in item.evaluation.positions for item in items)
+        variable = "motor_position" if has_motor else "output_position"
+        for against in (False, True) if equation is not Equation.TORSION else (False,):
+            spectrum = scan(items, variable, against_motion=against)
+            if spectrum is None:
+                continue
+            tests += spectrum.tests
+            tops = _tops(spectrum)
+            if equation is Equation.TORSION and not any(item.piece.track.moves for item in linear):
+                tops += _low_orders(ground, effects, spectrum.resolution)
+            for peak in tops:
+                classes = _classes(equation, variable, peak.order, spectrum.resolution, ratio, effects, against=against)
+                if equation is Equation.TORSION and variable == "motor_position" and ratio is not None:
+                    classes += _subdivisions(peak.order * ratio, spectrum.resolution * ratio, counts, effects)
+                found += [replace(proposal, height=peak.height) for proposal in classes]
+    fixed = [Proposal(effect, effect.fixed_order, 0.0) for effect in effects if effect.fixed_order is not None]
+    return found + fixed, 2.0 * max(tests, 1.0), 2.0 * max(len(fixed), 1)
+
+
+def _low_orders(ground: Ground, effects: Sequence[TermClass], resolution: float) -> list[Peak]:
+    """Give the low orders that explain most as an angle error, however the start angles make the spectrum look.
+
+    Sweeps from a few angles see short pieces of a turn, and the base model takes up what is slow in each of them: the
+    spectrum then peaks at aliases.
+    """
+    kind = next((kind for kind in effects if kind.entry is Entry.TORSION and kind.fixed_order is None), None)
+    if kind is None:
+        return []
+    orders = np.arange(resolution, LOW_ORDERS, 0.5 * resolution).tolist()
+    scored = sorted(((line_gain(ground, kind, order), order) for order in orders), reverse=True)
+    found: list[float] = []
+    for _, order in scored:
+        if len(found) < PEAKS_BY_POWER and all(abs(order - other) > resolution for other in found):
+            found.append(order)
+    return [Peak(order, 0.0) for order in found]
+
+
+def _tops(spectrum: Spectrum) -> list[Peak]:
+    """Give the peaks that stand out most and those with most power; a slow strong line need not stand out."""
+    found = list(peaks(spectrum, PEAKS_BY_HEIGHT))
+    powerful = 0
+    for place in np.argsort(spectrum.power)[::-1]:
+        order = float(spectrum.orders[place])
+        if all(abs(order - other.order) > spectrum.resolution for other in found):
+            found.append(Peak(order, 0.0))
+            powerful += 1
+        if powerful == PEAKS_BY_POWER:
+            break
+    return found
+
+
+def _classes(
+    equation: Equation,
+    variable: str,
+    order: float,
+    resolution: float,
+    ratio: float | None,
+    effects: Sequence[TermClass],
+    *,
+    against: bool,
+) -> list[Proposal]:
+    """Give what a line seen in `equation` could be. Slow lines of the motor angle belong to the output angle."""
+    if variable == "motor_position" and order < 0.5 and ratio is not None:
+        variable, order, resolution = "output_position", order * ratio, resolution * ratio
+    current = equation is Equation.MOTOR_CURRENT
+    motor = equation in (Equation.MOTOR_TORQUE, Equation.MOTOR_CURRENT)
+    flips = (Entry.MOTOR_AGAINST_MOTION, Entry.OUTPUT_AGAINST_MOTION)
+    kinds = [
+        kind
+        for kind in effects
+        if kind.variable == variable
+        and kind.fixed_order is None
+        and kind.orders[0] - resolution <= order <= kind.orders[1] + resolution
+        and (kind.entry in flips or (against and kind.entry is Entry.MOTOR_TIMES_TORQUE)) == against
+        and kind.effect != SUBDIVISION
+        # twice a turn an encoder errs tens of times less than a strain wave gear
+        and not (kind.entry is Entry.MOTOR_ANGLE and order > 1.5)
+        # mesh zone and ellipse turn with the plug; a faster product imitates anything within a sweep
+        and not (kind.entry is Entry.TORSION_TIMES_TORQUE and order > MOST_MODULATIONS)
+    ]
+    if against:
+        entry = Entry.MOTOR_AGAINST_MOTION if motor else Entry.OUTPUT_AGAINST_MOTION
+        same = [kind for kind in kinds if kind.entry is entry] or [TermClass(None, entry, variable)]
+        # while nothing loads the motor its torque is friction, and flips as friction does
+        same += [kind for kind in kinds if motor and not current and kind.entry is Entry.MOTOR_TIMES_TORQUE]
+        return [Proposal(kind, order, resolution) for kind in same]
+    if current:
+        kinds = [kind for kind in kinds if kind.entry is Entry.MOTOR]
+    if variable == "output_position" or not kinds:
+        entry = Entry.ANGLE_ONLY if equation is Equation.TORSION else Entry.MOTOR if motor else Entry.OUTPUT
+        kinds.append(TermClass(None, entry, variable))
+        if entry is Entry.ANGLE_ONLY:
+            kinds.append(TermClass(None, Entry.OUTPUT, variable))
+    return [Proposal(kind, order, resolution) for kind in kinds]
+
+
+def _subdivisions(
+    order: float, resolution: float, counts: float | None, effects: Sequence[TermClass]
+) -> list[Proposal]:
+    """Give the output encoder's subdivision error, if its counts a turn are a multiple of the order (per output turn).
+
+    A line count divides the counts; any other order has another cause.
+    """
+    whole = max(round(order), 1)
+    if counts is None or whole < LEAST_LINES or abs(order - whole) > resolution or round(counts) % whole:
+        return []
+    return [Proposal(kind, float(whole), resolution) for kind in effects if kind.effect == SUBDIVISION]
+
+
+def same_place(ratio: float, one: Proposal, other: Proposal) -> bool:
+    """Whether two proposals are about the same line, be it of the motor or of the output angle; `ratio` of the gear."""
+    a, b = ((p.order * (1.0 if p.kind.variable == "motor_position" else 1.0 / ratio)) for p in (one, other))
+    width = max(p.resolution * (1.0 if p.kind.variable == "motor_position" else 1.0 / ratio) for p in (one, other))
+    return abs(a - b) <= 1.5 * width

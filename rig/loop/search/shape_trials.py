@@ -1,0 +1,204 @@
+"""How well the catalogue's effects that are no lines explain what a fit leaves, each at its own best parameters.
+
+An effect is linear in its amplitudes; its other parameters (a lag, a radius, a frequency) are searched over a grid that
+is scaled to the campaign and then refined continuously: a coarse grid alone makes false unknowns.
+"""
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.loop.fitting.normal import LinearPiece
+from rig.loop.model.shapes import ShapeTerm, addition, catalogue_shapes
+from rig.loop.search.trial import Ground, Trial, columns_gain, try_columns
+from sim_backend.model.effects import Effect
+
+Floats = NDArray[np.float64]
+
+TORQUES = (0.01, 0.03, 0.1, 0.3, 0.6)
+"""Torques tried, relative to the campaign's largest."""
+
+SPEEDS = (0.01, 0.03, 0.1, 0.3)
+"""Speeds tried, relative to the campaign's largest."""
+
+LAGS = (0.1, 0.4, 1.5, 6.0, 25.0, 100.0, 400.0)
+"""s."""
+
+SMALL = 0.3
+"""Size, relative to the typical one, at which an effect that is not linear in its amplitude is looked at first."""
+
+FINEST_DAMPING = 0.02
+LOWEST_FREQUENCY = 0.3
+"""Damping ratio with which a resonance is looked for, and from which frequency (Hz); neighbours overlap."""
+
+REFINED = 0.5
+"""Share of the best gain from which on an effect's parameters are refined."""
+
+SWEEPS, STEPS = 2, 7
+"""Rounds over the parameters, and golden sections in each."""
+
+NEXT_VALUE, NEXT_FREQUENCY = 1.3, 2.0 * FINEST_DAMPING
+"""Natural logarithm of the factor between neighbours of a grid."""
+
+
+@dataclass(frozen=True, slots=True)
+class ShapeTrial:
+    """One effect at its best parameters: how it fares, and among how many points of all grids it was found."""
+
+    term: ShapeTerm
+    trial: Trial
+    tests: float
+
+
+@dataclass(frozen=True, slots=True)
+class Scales:
+    """Sizes of a campaign: largest torque N*m, largest speed rad/s, longest run and longest sample period s."""
+
+    torque: float
+    speed: float
+    longest: float
+    period: float
+    known: Mapping[str, float]
+
+
+def shape_trials(ground: Ground, scales: Scales, least: float) -> list[ShapeTrial]:
+    """Score every effect, best first. `least`: gain of something else; what stays far below it is not refined."""
+    starts = {effect.id: _starts(effect, scales) for effect in catalogue_shapes()}
+    best: list[tuple[float, ShapeTerm]] = []
+    for terms in starts.values():
+        scored = [(columns_gain(ground, trial_columns(ground, term)), term) for term in terms]
+        if scored:
+            best.append(max(scored, key=lambda pair: pair[0]))
+    most = max([least, *(gain for gain, _ in best)], default=0.0)
+    tests = 2.0 * sum(len(terms) for terms in starts.values())
+    found = []
+    for gain, term in best:
+        if gain <= 0.0:
+            continue
+        tuned = _refined(ground, term) if gain >= REFINED * most else term
+        trial = try_columns(ground, term.effect.id, trial_columns(ground, tuned))
+        sized = _sized(tuned, trial.amplitudes)
+        if trial.gain > 0.0 and sized is not None:
+            found.append(ShapeTrial(sized, trial, tests))
+    return sorted(found, key=lambda item: -item.trial.gain)
+
+
+def scales_of(items: Sequence[LinearPiece], known: Mapping[str, float]) -> Scales:
+    """Measure the campaign. `known`: parameters that no fit estimates, by name."""
+    tracks = {item.piece.track.name: item.piece.track for item in items}.values()
+    torque = max((float(np.abs(t.T).max()) for t in tracks if t.T is not None and t.size), default=0.0)
+    speed = max((float(np.abs(t.speed).max()) for t in tracks if t.size), default=0.0)
+    longest = max((float(np.ptp(t.time)) for t in tracks if t.size), default=0.0)
+    period = max((t.step for t in tracks), default=0.0)
+    return Scales(torque, speed, longest, period, {"full_scale": max(torque, 1e-9), **known})
+
+
+def trial_columns(ground: Ground, term: ShapeTerm) -> list[Floats | None]:
+    """Give the columns (m, amplitudes) of a term in every piece, None where it does not act."""
+    return [_piece_columns(item, term) for item in ground.fit.linear]
+
+
+def _piece_columns(item: LinearPiece, term: ShapeTerm) -> Floats | None:
+    evaluation, step = item.evaluation, item.piece.track.step
+    if not evaluation.shows(term.effect):
+        return None
+    columns = []
+    for unit, size in _units(term):
+        added = addition(unit, evaluation.signals, step)
+        if added is None:
+            return None
+        columns.append(evaluation.shown(term.effect, added, item.piece.index) / size)
+    stacked = item.centred(np.column_stack(columns))
+    return stacked if np.any(stacked) else None
+
+
+def _units(term: ShapeTerm) -> list[tuple[ShapeTerm, float]]:
+    """Give the term with one amplitude at a time, and by what its addition is divided to be that of amplitude 1."""
+    names = [p.name for p in term.effect.parameters]
+    found = []
+    for name in term.effect.amplitudes:
+        size = 1.0 if term.effect.linear else term.value(name)
+        values = [
+            size if n == name else (0.0 if n in term.effect.amplitudes else v)
+            for n, v in zip(names, term.values, strict=True)
+        ]
+        found.append((ShapeTerm(term.effect, tuple(values)), size))
+    return found
+
+
+def _sized(term: ShapeTerm, amplitudes: Floats) -> ShapeTerm | None:
+    """Give the term with these amplitudes; None if no device has them."""
+    values = dict(zip((p.name for p in term.effect.parameters), term.values, strict=True))
+    for name, value in zip(term.effect.amplitudes, amplitudes.tolist(), strict=True):
+        parameter = next(p for p in term.effect.parameters if p.name == name)
+        if not parameter.low <= value <= parameter.high:
+            return None
+        values[name] = value
+    return ShapeTerm(term.effect, tuple(values.values()))
+
+
+def _starts(effect: Effect, scales: Scales) -> list[ShapeTerm]:
+    """Give the points of the effect's grid."""
+    choices: list[tuple[float, ...]] = []
+    for parameter in effect.parameters:
+        if parameter.known:
+            choices.append((scales.known.get(parameter.name, parameter.typical),))
+        elif parameter.name in effect.amplitudes:
+            choices.append((1.0 if effect.linear else SMALL * parameter.typical,))
+        else:
+            choices.append(_values(parameter.name, parameter.unit, parameter.typical, scales))
+    return [ShapeTerm(effect, values) for values in itertools.product(*choices)]
+
+
+def _values(name: str, unit: str, typical: float, scales: Scales) -> tuple[float, ...]:
+    """Give the values that are tried for a parameter which is no amplitude, in its unit."""
+    match unit:
+        case "N*m":
+            return tuple(share * scales.torque for share in TORQUES) if scales.torque > 0.0 else ()
+        case "rad/s":
+            return tuple(share * scales.speed for share in SPEEDS) if scales.speed > 0.0 else ()
+        case "s":
+            return tuple(lag for lag in LAGS if lag < 2.0 * scales.longest)
+        case "Hz":
+            highest = 0.4 / max(scales.period, 1e-6)
+            count = math.ceil(math.log(max(highest / LOWEST_FREQUENCY, 1.0)) / (2.0 * FINEST_DAMPING))
+            return tuple(LOWEST_FREQUENCY * math.exp(2.0 * FINEST_DAMPING * k) for k in range(count))
+        case _:
+            return (FINEST_DAMPING,) if name == "damping" else (typical,)
+
+
+def _refined(ground: Ground, term: ShapeTerm) -> ShapeTerm:
+    """Maximise the gain over the parameters that are no amplitudes, one after the other."""
+    for sweep in range(SWEEPS):
+        for k in (k for k in term.free if term.is_logarithmic(k)):
+            reach = NEXT_FREQUENCY if term.effect.parameters[k].unit == "Hz" else NEXT_VALUE
+            term = _best_along(ground, term, k, reach / (1.0 + 2.0 * sweep))
+    return term
+
+
+def _best_along(ground: Ground, term: ShapeTerm, k: int, reach: float) -> ShapeTerm:
+    """Maximise the gain over one parameter, within a factor exp(reach) either way, by golden section."""
+    golden = 0.5 * (math.sqrt(5.0) - 1.0)
+
+    def at(shift: float) -> tuple[float, ShapeTerm]:
+        moved = term.scaled(k, math.exp(shift))
+        return columns_gain(ground, trial_columns(ground, moved)), moved
+
+    low, high = -reach, reach
+    a, b = high - golden * (high - low), low + golden * (high - low)
+    at_a, at_b, best = at(a), at(b), at(0.0)
+    for _ in range(STEPS):
+        best = max(best, at_a, at_b, key=lambda pair: pair[0])
+        if at_a[0] >= at_b[0]:
+            high, b, at_b = b, a, at_a
+            a = high - golden * (high - low)
+            at_a = at(a)
+        else:
+            low, a, at_a = a, b, at_b
+            b = low + golden * (high - low)
+            at_b = at(b)
+    return best[1]

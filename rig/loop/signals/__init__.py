@@ -1,0 +1,1 @@
+"""What a run gives: tracks made ready for the equations, with their noise taken off."""

@@ -1,0 +1,265 @@
+"""A torque that was swept in straight lines, without its noise: knots found, placed and held against the noise.
+
+A play remembers the extremes of its input, so that the noise of a held torque ratchets it on, and a line that runs on
+past a corner sets it for good; what rings answers to the corners. Where the whole record is a polyline within its
+noise, that is what they get.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.loop.signals.noise import noise_and_memory, of_mean
+from rig.loop.signals.smoothing import corners_kept
+
+Floats = NDArray[np.float64]
+
+TOLERANCE, TOLERANCE_COLOURED = 6.3, 4.0
+"""By how many standard deviations of the ends of smoothing lines a polyline may miss the smoothed torque before it gets
+a further knot; of a noise that remembers, of a sample, because smoothing leaves most of it."""
+
+BENT = 6.0
+"""Standard deviations that the slope must change by at a knot, or it is none."""
+
+MOST_KNOTS = 200
+
+SHORTEST = 1.0
+"""s that a straight piece lasts on average at least; what bends more often is no polyline."""
+
+SPARE = 4
+"""How many times as many knots splitting may give first: it cuts corners and ends in pieces, which are taken out."""
+
+BLOCK, BY_CHANCE, COLOURED, WORST = 0.5, 4.0, 1.5, 6.0
+"""s of the blocks whose means judge the polyline. Their rms, in standard deviations, may exceed one by this many of its
+own standard errors; with a noise that remembers, whose size is known less well, it may reach the third. No block may
+exceed the last."""
+
+PASSES, PRUNINGS, SPLITS = 5, 30, 4
+"""Rounds of placing knots, of taking some out, and of splitting again where the polyline misses."""
+
+LEAST_GAP, CLOSE = 2.0, 20.0
+"""Samples between knots at least, and below which two of them may share one corner."""
+
+RIDGE = 1e-10
+
+ROUNDS = 3
+"""Times that a noise which remembers is measured anew."""
+
+
+@dataclass(frozen=True, slots=True)
+class Polyline:
+    """Knots at the samples `knots` (k,), fractions of one too, and their heights (k,), N*m."""
+
+    knots: Floats
+    heights: Floats
+
+    def at(self, samples: int) -> Floats:
+        """Give the polyline at every sample, N*m, (samples,)."""
+        return np.asarray(np.interp(np.arange(samples, dtype=float), self.knots, self.heights))
+
+
+def polyline(values: Floats, side: int, period: float) -> Floats | None:
+    """Give the polyline that `values` (n,) follow within their noise, shape (n,); None if they follow none.
+
+    side: samples on either side over which it is smoothed to find where it bends.
+    """
+    n = values.size
+    smoothed = corners_kept(values, side)
+    if smoothed is values:
+        return None
+    most = min(round(n * period / SHORTEST) + 2, MOST_KNOTS)
+    rest = values
+    for _ in range(ROUNDS):
+        # what corners add to second differences is gone once a first polyline has been taken off
+        noise, memory = noise_and_memory(rest, period)
+        if not noise.all():
+            return None
+        tolerance = (TOLERANCE_COLOURED if memory else TOLERANCE * math.sqrt(4.0 / side)) * np.sqrt(noise)
+        knots = _split(smoothed, tolerance)
+        if knots.size > SPARE * most:
+            return None
+        found = _pruned(values, knots, noise, memory)
+        for _ in range(SPLITS):
+            missed = _split(corners_kept(values - found.at(n), side), tolerance)
+            further = [knot for knot in missed if np.abs(found.knots - knot).min() > LEAST_GAP]
+            if not further or found.knots.size + len(further) > SPARE * most:
+                break
+            found = _pruned(values, np.sort(np.append(found.knots, further)), noise, memory)
+        if not memory:
+            break
+        rest = values - found.at(n)
+    if found.knots.size > most:
+        return None
+    block = min(max(round(BLOCK / period), 1), n)
+    whole = n // block * block
+    means = (values - found.at(n))[:whole].reshape(-1, block).mean(axis=1)
+    variance = noise[:whole].reshape(-1, block).mean(axis=1) * of_mean(memory, block)
+    sizes = np.abs(means) / np.sqrt(variance)
+    most_typical = COLOURED if memory else 1.0 + BY_CHANCE / math.sqrt(2.0 * sizes.size)
+    good = np.sqrt(np.mean(sizes**2)) <= most_typical and sizes.max(initial=0.0) <= WORST
+    return found.at(n) if good else None
+
+
+def _split(smoothed: Floats, tolerance: Floats) -> Floats:
+    """Split the record where a straight line misses it most, until none misses it by more than `tolerance` (n,)."""
+    found, open_ = {0, smoothed.size - 1}, [(0, smoothed.size - 1)]
+    while open_:
+        first, last = open_.pop()
+        if last - first < 2:
+            continue
+        inner = smoothed[first : last + 1]
+        miss = np.abs(inner - np.linspace(inner[0], inner[-1], inner.size)) / tolerance[first : last + 1]
+        worst = int(miss.argmax())
+        if miss[worst] > 1.0:
+            found.add(first + worst)
+            open_ += [(first, first + worst), (first + worst, last)]
+    return np.array(sorted(found), dtype=float)
+
+
+def _pruned(values: Floats, knots: Floats, noise: Floats, memory: float) -> Polyline:
+    """Place the knots; take out those at which the line does not bend, and one of two that share a corner."""
+    # of a noise that remembers, the mean of many samples varies as if each varied this much more
+    variance = noise * (1.0 + memory) / (1.0 - memory)
+    for _ in range(PRUNINGS):
+        found = _placed(values, knots)
+        bends = _bends(found, variance)
+        idle: list[int] = []
+        for k in np.argsort(bends).tolist():
+            if bends[k] < BENT and all(abs(k - other) > 1 for other in idle):
+                idle.append(k)
+        if not idle:
+            break
+        knots = np.delete(found.knots, np.array(idle) + 1)
+    return _joined(values, found, variance)
+
+
+def _joined(values: Floats, found: Polyline, variance: Floats) -> Polyline:
+    """Put one knot where the lines on either side of a close pair about meet, wherever that serves as well.
+
+    Two knots that share a corner hold each other in place, and each is needed as long as the other stays.
+    """
+
+    def misfit(line: Polyline) -> float:
+        return float(np.sum((values - line.at(values.size)) ** 2 / variance))
+
+    least, tried = misfit(found), 0.0
+    while True:
+        gaps = np.diff(found.knots)
+        close = [k for k in np.argsort(gaps).tolist() if 0 < k < gaps.size - 1 and tried < gaps[k] < CLOSE]
+        if not close:
+            return found
+        k = close[0]
+        tried = float(gaps[k])
+        bends = np.abs(np.diff(np.diff(found.heights) / gaps))[k - 1 : k + 1]
+        meeting = float(bends @ found.knots[k : k + 2] / bends.sum())
+        one = _placed(values, np.concatenate([found.knots[:k], [meeting], found.knots[k + 2 :]]))
+        if misfit(one) < least + BENT**2:
+            found, least, tried = one, misfit(one), 0.0
+
+
+def _placed(values: Floats, knots: Floats) -> Polyline:
+    """Fit heights and places of the knots by least squares."""
+    for _ in range(PASSES):
+        knots = _apart(knots)
+        line = _fitted(values, knots)
+        if knots.size < 3:
+            return line
+        moves = _moves(values, line)
+        gaps = np.diff(knots)
+        knots = knots.copy()
+        knots[1:-1] += np.clip(moves, -0.3 * gaps[:-1], 0.3 * gaps[1:])
+    return _fitted(values, _apart(knots))
+
+
+def _apart(knots: Floats) -> Floats:
+    """Take out knots that lie less than `LEAST_GAP` behind the one before or before the last one."""
+    kept = [float(knots[0])]
+    for knot in knots[1:-1].tolist():
+        if knot - kept[-1] >= LEAST_GAP and knots[-1] - knot >= LEAST_GAP:
+            kept.append(knot)
+    return np.array([*kept, float(knots[-1])])
+
+
+def _fitted(values: Floats, knots: Floats) -> Polyline:
+    """Fit the heights of the knots."""
+    squares, products = _sums(values, knots)
+    matrix, vector = np.zeros((knots.size, knots.size)), np.zeros(knots.size)
+    _gather(matrix, squares, 0, 0)
+    np.add.at(vector, _ends(knots.size), products)
+    return Polyline(knots, _solved(matrix, vector))
+
+
+def _moves(values: Floats, line: Polyline) -> Floats:
+    """Give by how many samples the inner knots (k - 2,) must move, the heights being free."""
+    squares, products = _sums(values, line.knots)
+    count, slopes = line.knots.size, -np.diff(line.heights) / np.diff(line.knots)
+    matrix, vector = np.zeros((2 * count, 2 * count)), np.zeros(2 * count)
+    ends, turned = _ends(count), slopes[:, None, None]
+    for row, column, blocks in (
+        (0, 0, squares),
+        (0, count, turned * squares),
+        (count, 0, turned * squares),
+        (count, count, turned**2 * squares),
+    ):
+        _gather(matrix, blocks, row, column)
+    np.add.at(vector, ends, products)
+    np.add.at(vector, ends + count, slopes[:, None] * products)
+    free = np.delete(np.arange(2 * count), [count, 2 * count - 1])
+    return _solved(matrix[np.ix_(free, free)], vector[free])[count:]
+
+
+def _ends(count: int) -> NDArray[np.intp]:
+    """Give the two knots of every piece, (count - 1, 2)."""
+    return np.asarray(np.arange(count - 1)[:, None] + np.array([0, 1]))
+
+
+def _gather(matrix: Floats, blocks: Floats, row: int, column: int) -> None:
+    """Add the blocks (k - 1, 2, 2) of the pieces to a matrix of all knots, from `row` and `column` on."""
+    ends = _ends(blocks.shape[0] + 1)
+    np.add.at(matrix, (row + ends[:, :, None], column + ends[:, None, :]), blocks)
+
+
+def _sums(values: Floats, knots: Floats) -> tuple[Floats, Floats]:
+    """Give the sums of products of the two hat functions of every piece, (k - 1, 2, 2), and with `values`, (k - 1, 2).
+
+    Within a piece the hats are 1 - u and u, with u from 0 to 1.
+    """
+    first = np.ceil(knots[:-1]).astype(np.intp)
+    count = np.diff(np.append(first, values.size)).astype(float)
+    index = np.arange(values.size, dtype=float)
+    gaps, start = np.diff(knots), first - knots[:-1]
+    # of samples at start, start + 1, ... behind the knot
+    linear = count * start + 0.5 * count * (count - 1.0)
+    square = count * start**2 + start * count * (count - 1.0) + (count - 1.0) * count * (2.0 * count - 1.0) / 6.0
+    u, uu = linear / gaps, square / gaps**2
+    squares = np.stack([np.stack([count - 2.0 * u + uu, u - uu], -1), np.stack([u - uu, uu], -1)], -2)
+    total, moment = np.add.reduceat(values, first), np.add.reduceat(values * index, first)
+    rising = (moment - knots[:-1] * total) / gaps
+    return squares, np.stack([total - rising, rising], -1)
+
+
+def _solved(matrix: Floats, vector: Floats) -> Floats:
+    """Solve scaled normal equations; a knot on a straight line has no place of its own."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix / np.outer(scale, scale) + RIDGE * np.eye(scale.size)
+    return np.asarray(np.linalg.solve(scaled, vector / scale) / scale)
+
+
+def _bends(line: Polyline, variance: Floats) -> Floats:
+    """Give the change of slope at every inner knot in standard deviations, (k - 2,), for a noise of `variance` (n,)."""
+    count, rates = line.knots.size, 1.0 / np.diff(line.knots)
+    squares, products = _sums(variance, line.knots)
+    # mean variance of a piece: the two hats add up to one
+    typical = products.sum(axis=1) / squares.sum(axis=(1, 2))
+    information = np.zeros((count, count))
+    _gather(information, squares / typical[:, None, None], 0, 0)
+    covariance = np.linalg.inv(information + RIDGE * np.diag(np.diag(information)))
+    inner = np.arange(1, count - 1)
+    change = np.zeros((inner.size, count))
+    change[inner - 1, inner - 1] = rates[:-1]
+    change[inner - 1, inner + 1] = rates[1:]
+    change[inner - 1, inner] = -rates[:-1] - rates[1:]
+    deviations = np.sqrt(np.einsum("ij,jk,ik->i", change, covariance, change))
+    return np.asarray(np.abs(change @ line.heights) / deviations)

@@ -1,0 +1,89 @@
+"""Torques smoothed by straight lines and cubics, so that corners stay and nothing but noise goes."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import savgol_filter
+
+from rig.loop.signals.noise import noise_and_memory, of_mean
+
+Floats = NDArray[np.float64]
+
+SPANS = (0.2, 0.6, 2.0, 6.0)
+"""s over which a torque that is no polyline is smoothed by cubics, where it follows them."""
+
+CUBIC_CENTRE = 2.25
+"""Variance of the centre of a fitted cubic over that of the mean of its samples."""
+
+SCATTERS, AGREE = 3.0, 3.0
+"""Standard deviations within which samples scatter about a cubic, and cubics of different length agree."""
+
+FEWEST, MIN_SIDE = 7, 4
+"""Samples of a log, and on a side, without which torques are left as they are."""
+
+
+def smooth(values: Floats, side: int, period: float) -> Floats:
+    """Take the noise from a torque (n,): corners are kept, and cubics fitted wherever the torque follows them.
+
+    side: samples on either side over which all is smoothed. A longer cubic counts where the samples scatter about it no
+    more than their noise, and where it agrees with what the shorter ones gave.
+    """
+    if values.size < FEWEST:
+        return values
+    found = corners_kept(values, side)
+    noise, memory = noise_and_memory(values, period)
+    shorter = 1 if found is values else 2 * side + 1
+    least = noise * of_mean(memory, shorter)
+    found = found.copy()
+    for width in (2 * round(0.5 * span / period) + 1 for span in SPANS):
+        if not 4 * side < width <= values.size:
+            continue
+        cubic = savgol_filter(values, width, 3)
+        scatter = uniform_filter1d((values - cubic) ** 2, width)
+        variance = CUBIC_CENTRE * noise * of_mean(memory, width)
+        good = scatter <= noise * (1.0 + SCATTERS * math.sqrt(2.0 / width))
+        apart = np.abs(uniform_filter1d(cubic - found, shorter))
+        good &= apart <= AGREE * np.sqrt(noise * of_mean(memory, 2 * shorter))
+        good &= variance < least
+        found[good], least[good] = cubic[good], variance[good]
+        shorter = width
+    return found
+
+
+def corners_kept(values: Floats, side: int) -> Floats:
+    """Smooth by straight lines fitted before, around and after each sample, the better fitting ones weighing more.
+
+    A mean across the corner of a triangle cuts the corner: there only the line on the sample's own side fits. `side`:
+    samples on either side.
+    """
+    if side < MIN_SIDE or values.size <= 2 * side:
+        return values
+    before, around, after = (_straight(values, low, high) for low, high in ((-side, 0), (-side, side), (0, side)))
+    scatter = np.stack([before[1], around[1], after[1]])
+    least = np.maximum(scatter.min(axis=0), 1e-300)
+    # the variance of a fitted end point is four times, that of a centre once the mean's over half as many samples
+    weight = np.array([0.25, 2.0, 0.25])[:, None] * np.exp(-0.5 * side * (scatter / least - 1.0))
+    smoothed = (weight * np.stack([before[0], around[0], after[0]])).sum(axis=0) / weight.sum(axis=0)
+    return np.asarray(smoothed)
+
+
+def _straight(values: Floats, low: int, high: int) -> tuple[Floats, Floats, Floats]:
+    """Fit a line to the samples from k+low to k+high around every k.
+
+    Gives its value at k, the variance of the residual, and to how many samples it was fitted; each (n,).
+    """
+    n = values.size
+    k = np.arange(n)
+    first, last = np.clip(k + low, 0, n - 3), np.clip(k + high, 2, n - 1)
+    first, last = np.minimum(first, last - 2), np.maximum(last, first + 2)
+    offset = values - values.mean()
+    sums = [np.concatenate([[0.0], np.cumsum(x)]) for x in (offset, offset * k, offset**2)]
+    count = (last - first + 1).astype(float)
+    y, ty, yy = (s[last + 1] - s[first] for s in sums)
+    middle = 0.5 * (first + last)
+    spread = count * (count**2 - 1.0) / 12.0
+    slope = (ty - middle * y) / spread
+    variance = np.maximum(yy - y**2 / count - slope**2 * spread, 0.0) / np.maximum(count - 2.0, 1.0)
+    return values.mean() + y / count + slope * (k - middle), variance, count

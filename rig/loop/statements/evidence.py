@@ -1,0 +1,201 @@
+"""Is there anything left? What replicates share; without replicates, whether the residual remembers.
+
+rho: correlation of the 0.5 s-smoothed residuals of a replicate pair. Noise has none, even coloured noise; missing
+physics repeats. Source of the thresholds: synthetic campaigns with 13 repeatable effects (rho > 0.8) and 4 kinds of
+noise (rho < 0.11). Without a pair only a quiet dwell can tell coloured noise from structure.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from rig.config.dut import Dut
+from rig.loop.model.equations import Law, Piece, target_of
+from rig.loop.statements.metrics import Residual, aligned, dwell_of, pairs, quantisation_square
+
+Floats = NDArray[np.float64]
+
+SMOOTHING = 0.5
+"""s."""
+
+NOISE_RHO = 0.15
+EXCESS = 1.1
+"""Repeatable residual counts if the rms exceeds the floor by this factor."""
+
+STANDS = 1e-3
+"""rad that a motor that stands travels in a second at most."""
+
+LAGS = 20
+RATE = 10.0
+"""Ljung-Box: lags, and samples per second to which the residual is averaged before."""
+
+
+@dataclass(frozen=True, slots=True)
+class Repeats:
+    """What replicate pairs of one equation and procedure say.
+
+    `rho`: mean correlation of smoothed residuals; `least_rho`: what noise may reach; `common`: mean square of what
+    the runs of a pair share, `own` of what they do not; `allowance`: mean square of what instruments leave that may
+    repeat as well; `ljung_box`: statistic per lag at 10 Hz.
+    """
+
+    equation: str
+    procedure: str
+    pairs: int
+    rho: float
+    least_rho: float
+    common: float
+    own: float
+    allowance: float
+    ljung_box: float
+
+    @property
+    def structured(self) -> bool:
+        """Whether a repeatable part stands out of the noise."""
+        material = self.common > max((EXCESS**2 - 1.0) * self.own, EXCESS**2 * self.allowance)
+        return self.rho > max(NOISE_RHO, self.least_rho) and material
+
+
+def repeats(residuals: Sequence[Residual], dut: Dut, ratio: float | None) -> Repeats | None:
+    """Judge the residuals of one equation and procedure; None without a replicate pair."""
+    rhos, squares, differences, lengths, boxes = [], [], [], [], []
+    for one, two in pairs(residuals):
+        time, a, b = aligned(one, two)
+        if time.size < 50 or not np.any(a) or not np.any(b):
+            continue
+        window = max(1, round(SMOOTHING / one.piece.track.period))
+        x, y = uniform_filter1d(a, window), uniform_filter1d(b, window)
+        x, y = x - x.mean(), y - y.mean()
+        rhos.append(float(x @ y / math.sqrt(float(x @ x) * float(y @ y))))
+        squares.append(float(np.mean(a**2) + np.mean(b**2)) / 2.0)
+        differences.append(float(np.mean((a - b) ** 2)) / 2.0)
+        lengths.append(time.size / window)
+        boxes += [ljung_box(one), ljung_box(two)]
+    if not rhos:
+        return None
+    piece = residuals[0].piece
+    track = piece.track
+    return Repeats(
+        equation=residuals[0].piece.equation.value,
+        procedure=track.procedure.value,
+        pairs=len(rhos),
+        rho=float(np.mean(rhos)),
+        least_rho=3.0 / math.sqrt(sum(lengths)),
+        common=max(float(np.mean(squares)) - float(np.mean(differences)), 0.0),
+        own=float(np.mean(differences)),
+        allowance=_allowance(piece, dut, ratio),
+        ljung_box=float(np.mean(boxes)),
+    )
+
+
+REMEMBERS = 10.0
+"""Ljung-Box statistic per lag above which a residual without replicates is no white noise."""
+
+QUIETER = 1.5
+"""Times by which the slow part of a residual must exceed that of the dwells."""
+
+
+@dataclass(frozen=True, slots=True)
+class Memory:
+    """What runs without a replicate tell of one equation and procedure.
+
+    `slow`: rms of the residual's means over 0.5 s, and `dwell` the same of the quiet dwells (None: no dwell), both in
+    the equation's unit; `allowance`: rms of the slow part that noise without memory and counts leave; `ljung_box`:
+    statistic per lag at 10 Hz.
+    """
+
+    equation: str
+    procedure: str
+    runs: int
+    slow: float
+    dwell: float | None
+    allowance: float
+    ljung_box: float
+
+    @property
+    def structured(self) -> bool:
+        """Whether the residual remembers more than its dwells, or at all where there is no dwell."""
+        quiet = 0.0 if self.dwell is None else QUIETER * self.dwell
+        return self.ljung_box > REMEMBERS and self.slow > max(quiet, EXCESS * self.allowance)
+
+
+def memory(residuals: Sequence[Residual], dut: Dut, ratio: float | None) -> Memory | None:
+    """Judge the residuals of one equation and procedure that has no replicates; None without enough samples."""
+    long = [residual for residual in residuals if residual.values.size * residual.piece.track.period > 10 * SMOOTHING]
+    if not long:
+        return None
+    piece = long[0].piece
+    window = max(1, round(SMOOTHING / piece.track.period))
+    fast = float(np.mean([residual.fast**2 for residual in long]))
+    quiet = [means for item in long if (means := _dwell_means(item.piece, ratio)) is not None]
+    return Memory(
+        equation=piece.equation.value,
+        procedure=piece.track.procedure.value,
+        runs=len(long),
+        slow=math.sqrt(float(np.mean(np.concatenate([_means(r.values, r.piece) for r in long]) ** 2))),
+        dwell=math.sqrt(float(np.mean(np.concatenate(quiet) ** 2))) if quiet else None,
+        allowance=math.sqrt(fast / window + _allowance(piece, dut, ratio)),
+        ljung_box=float(np.mean([ljung_box(residual) for residual in long])),
+    )
+
+
+def _means(values: Floats, piece: Piece) -> Floats:
+    """Give the means of `values` over `SMOOTHING`."""
+    window = max(1, round(SMOOTHING / piece.track.period))
+    count = values.size // window
+    return np.asarray(values[: count * window].reshape(count, window).mean(axis=1))
+
+
+def _dwell_means(piece: Piece, ratio: float | None) -> Floats | None:
+    quiet = dwell_of(piece)
+    if quiet is None:
+        return None
+    values = target_of(piece, ratio)[quiet]
+    return _means(values - values.mean(), piece)
+
+
+def _allowance(piece: Piece, dut: Dut, ratio: float | None) -> float:
+    """Give the mean square that counts of the encoders leave, or a play that ratchets along its noisy input."""
+    track = piece.track
+    if piece.demeaned:
+        return (quantisation_square(piece, dut, ratio) or 0.0) * (1.0 + 2.0 * _held_share(piece))
+    if piece.law is Law.BACKDRIVE and track.output_torque is not None and ratio is not None:
+        return _white(track.output_torque) / ratio**2
+    if piece.law is Law.LOCKED and track.motor_torque is not None and ratio is not None:
+        return _white(track.motor_torque) * ratio**2
+    return 0.0
+
+
+def _held_share(piece: Piece) -> float:
+    """Give the share of the time at which the motor stands: its angle is then off by one error, up to half a count.
+
+    Over a sweep the errors of counting are spread evenly, with a third of that square.
+    """
+    angle, step = piece.track.motor_position, max(1, round(1.0 / piece.track.period))
+    if angle is None or angle.size <= step:
+        return 0.0
+    travel = np.abs(angle[step:] - angle[:-step])
+    return float(np.mean(travel < STANDS))
+
+
+def _white(values: Floats) -> float:
+    return float(np.mean(np.diff(values) ** 2)) / 2.0
+
+
+def ljung_box(residual: Residual) -> float:
+    """Give the Ljung-Box statistic per lag of the residual averaged to 10 Hz; about 1 for white noise."""
+    width = max(1, round(1.0 / (RATE * residual.piece.track.period)))
+    count = residual.values.size // width
+    if count < 3 * LAGS:
+        return 1.0
+    x = residual.values[: count * width].reshape(count, width).mean(axis=1)
+    x = x - x.mean()
+    power = float(x @ x)
+    if power == 0.0:
+        return 1.0
+    total = sum((float(x[lag:] @ x[:-lag]) / power) ** 2 / (count - lag) for lag in range(1, LAGS + 1))
+    return count * (count + 2) * total / LAGS

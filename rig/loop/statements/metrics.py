@@ -1,0 +1,278 @@
+"""Errors of a model on runs at the full rate of their logs, per equation and procedure, and the floor below them.
+
+The floor is what noise alone leaves: rms of the difference of two replicates over sqrt(2), scaled to the runs in
+question by the ratio of their fast noise; without replicates, quantisation and noise of the instruments, propagated
+through the model, as seen in the quiet dwell before a run.
+"""
+
+import itertools
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.config.dut import Dut
+from rig.loop.model.equations import Equation, Piece, target_of
+from rig.loop.model.prediction import Model, predict
+from rig.loop.result import Errors
+from rig.loop.signals.counts import count_of
+from rig.loop.signals.tracks import SHARE_OF_A_TURN
+from sim_backend.model.compliance import wave_generator_stiffness
+
+Floats = NDArray[np.float64]
+
+BLOCK = 2.0
+"""s over which squares are summed for the floor's interval."""
+
+LEAST_SPREAD = 0.05
+ONE_PAIR_SPREAD = 0.15
+"""Relative half width of a floor from replicates at least, and from one pair: the noise of a few runs is not that of
+all runs."""
+
+COMPUTED_SPREAD = 0.25
+"""Relative half width of a computed floor: quantisation is not quite uniform, a dwell is not quite a sweep."""
+
+QUIET_TRAVEL = 2e-3
+"""rad at the motor within which a run still dwells."""
+
+LOADED = 20.0
+"""A torque that has left its first value by this many times its own scatter is not a dwell."""
+
+LEAST_DWELL = 2.0
+"""s of dwell that tell something about noise."""
+
+
+@dataclass(frozen=True, slots=True)
+class Residual:
+    """Residual (m,) of a piece at the samples that count, at `time` (m,)."""
+
+    piece: Piece
+    time: Floats
+    values: Floats
+
+    @property
+    def fast(self) -> float:
+        """Give the rms difference of neighbouring samples over sqrt(2): white noise without slow structure."""
+        if self.values.size < 3:
+            return 0.0
+        step = np.diff(self.values)[np.diff(self.time) < 1.5 * self.piece.track.period]
+        return float(np.sqrt(np.mean(step**2) / 2.0)) if step.size else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Floor:
+    """rms that noise alone leaves, and its 95 % interval. `replicates`: measured, not computed."""
+
+    rms: float
+    low: float
+    high: float
+    replicates: bool
+
+
+def residual_of(piece: Piece, model: Model, judge: Model | None = None) -> Residual:
+    """Evaluate the piece where the law determines it; an angle's own constant is removed.
+
+    `judge`: the model whose law decides which samples those are, so that two models are compared on the same ones.
+    """
+    evaluation = predict(piece, model)
+    settled = (evaluation if judge is None else predict(piece, judge)).settled[piece.index]
+    keep = settled if settled.any() else np.ones(piece.index.size, dtype=bool)
+    rows = piece.index[keep]
+    values = piece.target[keep] - evaluation.value[rows]
+    if piece.demeaned:
+        values = values - values.mean()
+    return Residual(piece, piece.track.time[rows], values)
+
+
+def errors(before: Sequence[Residual], after: Sequence[Residual], floor: Floor | None) -> Errors:
+    """Pool the residuals of several pieces of one equation."""
+    one, two = np.concatenate([r.values for r in before]), np.concatenate([r.values for r in after])
+    return Errors(
+        rms_before=_rms(one),
+        rms_after=_rms(two),
+        max_before=float(np.abs(one).max()),
+        max_after=float(np.abs(two).max()),
+        floor=None if floor is None else floor.rms,
+        floor_ci95=None if floor is None else (floor.low, floor.high),
+    )
+
+
+def pairs(residuals: Sequence[Residual]) -> list[tuple[Residual, Residual]]:
+    """Give the replicate pairs among residuals of one equation: neighbours within a group."""
+    groups: dict[tuple[str, str], list[Residual]] = {}
+    for residual in residuals:
+        track = residual.piece.track
+        if track.replicate is not None:
+            groups.setdefault((track.replicate, track.procedure.value), []).append(residual)
+    return [pair for members in groups.values() for pair in itertools.pairwise(members)]
+
+
+def aligned(one: Residual, two: Residual) -> tuple[Floats, Floats, Floats]:
+    """Give time, and both residuals at the samples that both have; runs of a pair are commanded alike in time."""
+    period = one.piece.track.period
+    a, b = np.round(one.time / period).astype(np.int64), np.round(two.time / period).astype(np.int64)
+    common, at_a, at_b = np.intersect1d(a, b, return_indices=True)
+    return np.asarray(common * period, dtype=float), one.values[at_a], two.values[at_b]
+
+
+def floor_of(wanted: Sequence[Residual], known: Sequence[Residual], dut: Dut, model: Model) -> Floor | None:
+    """Give the floor of the residuals `wanted` of one equation and procedure; `known`: all runs with replicates."""
+    procedure = wanted[0].piece.track.procedure
+    same = [residual for residual in known if residual.piece.track.procedure is procedure]
+    measured, computed = _from_replicates(pairs(same), wanted), _computed(wanted, dut, model)
+    if measured is None or computed is None or computed.rms <= measured.rms:
+        return measured if measured is not None else computed
+    # quantisation that repeats cancels between replicates: what is computed is the lower limit
+    return Floor(computed.rms, min(measured.low, computed.low), max(measured.high, computed.high), True)
+
+
+def pooled(floors: Iterable[tuple[Floor, int]]) -> Floor | None:
+    """Join floors weighted by their numbers of samples."""
+    known = list(floors)
+    if not known:
+        return None
+    total = sum(count for _, count in known)
+
+    def mean(values: Iterable[float]) -> float:
+        return math.sqrt(sum(v**2 * count for v, (_, count) in zip(values, known, strict=True)) / total)
+
+    return Floor(
+        mean(f.rms for f, _ in known),
+        mean(f.low for f, _ in known),
+        mean(f.high for f, _ in known),
+        all(f.replicates for f, _ in known),
+    )
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
+
+
+def _from_replicates(found: Sequence[tuple[Residual, Residual]], wanted: Sequence[Residual]) -> Floor | None:
+    blocks: list[Floats] = []
+    fast = []
+    for one, two in found:
+        time, a, b = aligned(one, two)
+        if time.size < 20:
+            continue
+        difference = (a - b) - (a - b).mean() if one.piece.demeaned else a - b
+        starts = np.flatnonzero(np.diff(np.floor(time / BLOCK), prepend=-1.0))
+        counts = np.diff(np.append(starts, time.size))
+        # counts of two runs can be in antiphase: their difference then shows more noise than either run has
+        excess = (
+            max(float(np.mean(difference**2)) / float(np.mean(a**2 + b**2)), 1.0) if np.any(a) or np.any(b) else 1.0
+        )
+        blocks.append(np.add.reduceat(difference**2 / (2.0 * excess), starts) / counts)
+        fast += [one.fast, two.fast]
+    if not blocks:
+        return None
+    squares = np.concatenate(blocks)
+    mean_square = float(squares.mean())
+    between = np.array([block.mean() for block in blocks])
+    spread = 1.96 * float(squares.std(ddof=1)) / math.sqrt(squares.size) if squares.size > 1 else mean_square
+    if between.size > 1:
+        spread = max(spread, 1.96 * float(between.std(ddof=1)) / math.sqrt(between.size))
+    reference = math.sqrt(float(np.mean(np.square(fast))))
+    # counts beat with the sampling, so that the fast part of an angle says nothing about its size
+    scales = reference > 0 and not wanted[0].piece.demeaned
+    scale = math.sqrt(float(np.mean([r.fast**2 for r in wanted]))) / reference if scales else 1.0
+    scale = min(max(scale, 0.5), 2.0)
+    rms = scale * math.sqrt(mean_square)
+    least = max(LEAST_SPREAD, ONE_PAIR_SPREAD / math.sqrt(between.size))
+    relative = max(least, abs(scale - 1.0), 0.5 * spread / mean_square if mean_square > 0 else 0.0)
+    # the runs in question are a sample as well: by chance they may hold less noise than the replicates
+    relative = math.hypot(relative, _own_spread(wanted))
+    return Floor(rms, rms * max(1.0 - relative, 0.0), rms * (1.0 + relative), True)
+
+
+def _own_spread(wanted: Sequence[Residual]) -> float:
+    """Give the relative 95 % half width of the rms of the residuals `wanted`, from blocks of time."""
+    squares: list[float] = []
+    for residual in wanted:
+        starts = np.flatnonzero(np.diff(np.floor(residual.time / BLOCK), prepend=-1.0))
+        counts = np.diff(np.append(starts, residual.time.size))
+        squares += (np.add.reduceat(residual.values**2, starts) / counts).tolist() if starts.size else []
+    mean = float(np.mean(squares)) if squares else 0.0
+    if len(squares) < 2 or mean == 0.0:
+        return 0.0
+    return 0.5 * 1.96 * float(np.std(squares, ddof=1)) / math.sqrt(len(squares)) / mean
+
+
+def _computed(wanted: Sequence[Residual], dut: Dut, model: Model) -> Floor | None:
+    squares = []
+    for residual in wanted:
+        square = _instrument_square(residual, dut, model)
+        if square is None:
+            return None
+        squares.append(square)
+    rms = math.sqrt(float(np.mean(squares)))
+    return Floor(rms, rms * (1.0 - COMPUTED_SPREAD), rms * (1.0 + COMPUTED_SPREAD), False)
+
+
+def _instrument_square(residual: Residual, dut: Dut, model: Model) -> float | None:
+    piece, track = residual.piece, residual.piece.track
+    quiet = dwell_of(piece)
+    if piece.equation is not Equation.TORSION:
+        return None if quiet is None else float(np.var(target_of(piece, model.ratio)[quiet]))
+    square = quantisation_square(piece, dut, model.ratio)
+    if square is None or model.ratio is None:
+        return None
+    if quiet is None and (track.T is not None or track.M is not None):
+        return None
+    if track.T is not None and quiet is not None:
+        noise = float(np.var(track.T[quiet])) * _averaged_away(piece)
+        square += noise * float(np.mean((1.0 / model.flexspline_stiffness(track.T[piece.index])) ** 2))
+    if track.M is not None and quiet is not None and not track.moves:
+        softness = 1.0 / wave_generator_stiffness(track.M[piece.index], model.value("K_w0"), model.value("C_w"))
+        square += float(np.var(track.M[quiet]) * np.mean((softness / model.ratio) ** 2))
+    return square
+
+
+def _averaged_away(piece: Piece) -> float:
+    """Give the share of white noise that is left in the output torque of a turning run, averaged leg by leg."""
+    track = piece.track
+    if not track.moves:
+        return 1.0
+    width = SHARE_OF_A_TURN * 2.0 * math.pi / np.abs(track.speed[piece.index]) / track.period
+    return float(np.mean(1.0 / np.maximum(np.round(width), 1.0)))
+
+
+def quantisation_square(piece: Piece, dut: Dut, ratio: float | None) -> float | None:
+    """Give the variance (rad**2) which the encoders' counts leave in the torsion, None where counts are unknown.
+
+    Counts that the device file lacks are read off the steps of the angle.
+    """
+    motor, output, track = dut.motor.encoder_counts, dut.output.encoder_counts, piece.track
+    if ratio is None:
+        return None
+    square = 0.0
+    for position, count, gear in ((track.motor_position, motor, ratio), (track.output_position, output, 1.0)):
+        step = 2.0 * math.pi / count if count is not None else _step_of(position)
+        if step is None:
+            return None
+        if position is not None and np.ptp(position) > 3.0 * step:
+            square += (step / gear) ** 2 / 12.0
+    return square
+
+
+def _step_of(position: Floats | None) -> float | None:
+    return None if position is None else count_of([position])
+
+
+def dwell_of(piece: Piece) -> slice | None:
+    """Give the quiet samples before a run's first motion, None if there are too few."""
+    track = piece.track
+    angle = track.motor_position if track.motor_position is not None else track.output_position
+    if angle is None:
+        return None
+    moved = np.abs(angle - angle[0]) > QUIET_TRAVEL
+    for torque in (track.output_torque, track.motor_torque):
+        if torque is not None and torque.size > 3:
+            noise = 1.5 * float(np.median(np.abs(np.diff(torque))))
+            moved |= np.abs(torque - torque[0]) > LOADED * max(noise, 1e-3 * float(np.abs(torque).max()))
+    places = np.flatnonzero(moved)
+    end = int(places[0]) if places.size else angle.size
+    end = round(0.8 * end)
+    return slice(0, end) if end * track.period >= LEAST_DWELL else None

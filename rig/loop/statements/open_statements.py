@@ -1,0 +1,265 @@
+"""What stays open: structure without an accepted term, base parameters off their catalogue values.
+
+Silence is not "no effect": a residual that repeats between replicates, or follows a shape that no accepted term has,
+is reported as `untraced` with its evidence.
+"""
+
+import math
+from collections.abc import Mapping, Sequence, Set
+
+import numpy as np
+
+from rig.config.dut import Dut
+from rig.log.run import ProcedureName
+from rig.loop.model.equations import Equation
+from rig.loop.model.parameters import flexspline_entries
+from rig.loop.result import EquationResult, Json, NextExperiment, Open, Verdict
+from rig.loop.search.select import LEAST_IMPROVED, LEAST_SLOPE, QUOTIENT, Selection
+from rig.loop.statements.evidence import Memory, Repeats, memory, repeats
+from rig.loop.statements.metrics import Residual
+from rig.loop.statements.report_steps import base_estimates
+
+STIFFNESS_DEVIATION = 0.10
+"""Relative deviation of the stiffness without torque from the catalogue beyond which a quotient group is at work."""
+
+STIFFNESS_GROUP = ("fixture-compliance", "flexspline-compliance", "torque-constant-error", "torque-sensor-gain")
+
+SLOPE_GROUP = ("load-dependent-friction", "torque-constant-error", "torque-sensor-gain")
+SURE = 1e-4
+"""False-alarm probability of a single test below which such a statement is made."""
+
+SURE_OF_MANY = 1e-7
+"""The same for the best of all shapes at all points of their grids, some hundreds of tests."""
+
+ABOVE_FLOOR = 1.5
+"""Times the upper end of the floor's interval beyond which what is left is no longer noise."""
+
+OUTLIER = 5.0
+MEDIAN_TO_SIGMA = 1.4826
+"""Standard deviations beyond which a value is an outlier; the deviation of a normal variable over its median size."""
+
+LEAST_SHAPE_SHARE = 0.02
+"""Share of the torsion's squares that a shape must explain to be evidence."""
+
+
+def open_statements(
+    selection: Selection,
+    train: Sequence[Residual],
+    held_out: Sequence[Residual],
+    equations: Mapping[str, EquationResult],
+    dut: Dut,
+) -> tuple[Open, ...]:
+    """Give everything that stays open after the selection. `train`, `held_out`: residuals after, of all runs."""
+    found = [*_left_over(train, selection, dut), *_shapes(selection), *_worse(selection, equations)]
+    known = {(item.evidence.get("equation"), item.evidence.get("procedure")) for item in found}
+    return (*found, *_above_floor(held_out, equations, known), *_absorbed(selection, dut), *_slope(selection))
+
+
+def _left_over(residuals: Sequence[Residual], selection: Selection, dut: Dut) -> list[Open]:
+    ratio = selection.fit.model.ratio
+    found = []
+    for members in _by_procedure(residuals).values():
+        judged = repeats(members, dut, ratio)
+        if judged is not None:
+            found += [_untraced(judged)] if judged.structured else []
+            continue
+        alone = memory(members, dut, ratio)
+        if alone is not None and alone.structured:
+            found.append(_remembering(alone))
+    return found
+
+
+def _remembering(item: Memory) -> Open:
+    known = "coloured noise is not excluded" if item.dwell is None else "the dwells are quieter"
+    return Open(
+        verdict=Verdict.UNTRACED,
+        evidence={
+            "equation": item.equation,
+            "procedure": item.procedure,
+            "replicate_pairs": 0,
+            "rms_slow": item.slow,
+            "rms_slow_in_dwells": item.dwell,
+            "rms_slow_of_white_noise": item.allowance,
+            "ljung_box_per_lag": item.ljung_box,
+            "meaning": f"the residual has structure that no term explains; no run was repeated, and {known}",
+        },
+        next_experiment=NextExperiment(
+            "A run repeated under the same conditions tells whether this repeats or is noise.",
+            f"rig run {item.procedure} --repeat 2" if item.procedure != ProcedureName.OTHER else "",
+        ),
+    )
+
+
+def _untraced(item: Repeats) -> Open:
+    return Open(
+        verdict=Verdict.UNTRACED,
+        evidence={
+            "equation": item.equation,
+            "procedure": item.procedure,
+            "rho": item.rho,
+            "replicate_pairs": item.pairs,
+            "rms_repeating": math.sqrt(item.common),
+            "rms_not_repeating": math.sqrt(item.own),
+            "ljung_box_per_lag": item.ljung_box,
+            "meaning": "the residual repeats between replicates, but no term explains it",
+        },
+        next_experiment=NextExperiment(
+            "See at which rates, amplitudes and angles the residual changes.",
+            f"rig run {item.procedure}" if item.procedure != ProcedureName.OTHER else "",
+        ),
+    )
+
+
+def _shapes(selection: Selection) -> list[Open]:
+    """Report the torsion shape that explains most of what is left, if it is no chance."""
+    trials = [
+        trial
+        for trial in selection.left
+        if trial.label not in QUOTIENT
+        and trial.single_p < SURE_OF_MANY
+        and trial.share >= LEAST_SHAPE_SHARE
+        and trial.improved >= LEAST_IMPROVED
+        and trial.pays > 0.0
+    ]
+    if not trials:
+        return []
+    best = max(trials, key=lambda trial: trial.gain)
+    near = sorted(trial.label for trial in trials if trial.gain >= 0.9 * best.gain)
+    return [
+        Open(
+            verdict=Verdict.UNTRACED,
+            group=tuple(near),
+            evidence={
+                "equation": "torsion",
+                "looks_like": near,
+                "share_of_squares": float(best.share),
+                "p_value": best.single_p,
+                "meaning": "the residual follows this shape, but not so that it could be added",
+            },
+        )
+    ]
+
+
+def _worse(selection: Selection, equations: Mapping[str, EquationResult]) -> list[Open]:
+    """Lower the verdict if what was added makes the held-out runs worse."""
+    worse = {
+        name: item.held_out
+        for name, item in equations.items()
+        if selection.decisions
+        and item.held_out is not None
+        and item.held_out.rms_after > 1.02 * item.held_out.rms_before
+    }
+    return [
+        Open(
+            verdict=Verdict.UNTRACED,
+            evidence={
+                "equation": name,
+                "held_out_rms_before": found.rms_before,
+                "held_out_rms_after": found.rms_after,
+                "meaning": "what was added on the training runs makes the held-out runs worse",
+            },
+        )
+        for name, found in worse.items()
+    ]
+
+
+def _above_floor(
+    residuals: Sequence[Residual], equations: Mapping[str, EquationResult], known: Set[tuple[Json, Json]]
+) -> list[Open]:
+    """Report what is left far above the floor where no other statement does; `known`: (equation, procedure) there.
+
+    Single outliers of a heavy-tailed noise are no structure: they count only as far as `OUTLIER`.
+    """
+    found = []
+    for (name, procedure), members in _by_procedure(residuals).items():
+        whole = equations[name].held_out or equations[name].train
+        errors = whole.by_procedure.get(procedure) if whole is not None else None
+        if errors is None or errors.floor_ci95 is None or known & {(name, procedure), (name, None)}:
+            continue
+        left, high = _without_outliers(members), errors.floor_ci95[1]
+        if left > ABOVE_FLOOR * high:
+            evidence: dict[str, Json] = {
+                "equation": name,
+                "procedure": procedure,
+                "rms_after": left,
+                "floor_high": high,
+                "meaning": "what is left lies above the floor of the instruments, and no term explains it",
+            }
+            found.append(Open(verdict=Verdict.UNTRACED, evidence=evidence))
+    return found
+
+
+def _without_outliers(residuals: Sequence[Residual]) -> float:
+    """Give the rms of the residuals, each value counted up to `OUTLIER` times their typical size."""
+    values = np.abs(np.concatenate([residual.values for residual in residuals]))
+    typical = float(np.median(values)) or float(np.sqrt(np.mean(values**2)))
+    bound = OUTLIER * MEDIAN_TO_SIGMA * typical
+    return float(np.sqrt(np.mean(np.minimum(values, bound) ** 2)))
+
+
+def _by_procedure(residuals: Sequence[Residual]) -> dict[tuple[str, str], list[Residual]]:
+    groups: dict[tuple[str, str], list[Residual]] = {}
+    for residual in residuals:
+        key = (residual.piece.equation.value, residual.piece.track.procedure.value)
+        groups.setdefault(key, []).append(residual)
+    return groups
+
+
+def _slope(selection: Selection) -> list[Open]:
+    """Report that the output torque is not ratio times the motor torque: no run here tells which of them is wrong."""
+    trial = next((item for item in selection.left if item.label == "torque-sensor-gain"), None)
+    if trial is None or trial.single_p > SURE or abs(float(trial.amplitudes[0])) < LEAST_SLOPE:
+        return []
+    deviation = float(trial.amplitudes[0])
+    return [
+        Open(
+            verdict=Verdict.ABSORBED,
+            group=SLOPE_GROUP,
+            parameter="output_torque / (ratio * motor_torque)",
+            deviation=deviation,
+            evidence={
+                "p_value": trial.single_p,
+                "meaning": "the two torques do not agree, and these runs cannot tell which one is wrong",
+            },
+            next_experiment=NextExperiment(
+                "Dead weights on a lever test the torque sensor; the back-EMF tests the torque constant.",
+                "rig run backdrive",
+            ),
+        )
+    ]
+
+
+def _absorbed(selection: Selection, dut: Dut) -> list[Open]:
+    gear = dut.gear
+    if gear.K1 is None or gear.K2 is None or gear.T1 is None or gear.T2 is None:
+        return []
+    # without a sweep of the torque its noise is all that tells of the stiffness
+    swept = any(i.piece.equation is Equation.TORSION and not i.piece.track.moves for i in selection.fit.linear)
+    stiffness = flexspline_entries(gear, selection.fit.model.table.law)[0]
+    estimate = base_estimates(selection.fit).get(stiffness.name)
+    if not swept or estimate is None or estimate.ci95 is None:
+        return []
+    catalogue = stiffness.centre
+    deviation = estimate.value / catalogue - 1.0
+    low, high = estimate.ci95
+    if abs(deviation) < STIFFNESS_DEVIATION or low <= catalogue <= high:
+        return []
+    return [
+        Open(
+            verdict=Verdict.ABSORBED,
+            group=STIFFNESS_GROUP,
+            parameter=stiffness.name,
+            deviation=deviation,
+            evidence={
+                "fitted": estimate.value,
+                "catalogue": catalogue,
+                "unit": stiffness.unit,
+                "meaning": "these runs cannot separate the members of the group",
+            },
+            next_experiment=NextExperiment(
+                "Dead weights on a lever test the torque sensor, a gauge on the fixture its compliance; a backdrive "
+                "does not see the fixture.",
+                "rig run backdrive",
+            ),
+        )
+    ]

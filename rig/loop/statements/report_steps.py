@@ -1,0 +1,201 @@
+"""From the fit to the statements of the result: steps with intervals, model file, open statements."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.config.dut import Dut
+from rig.loop.files.model_file import BASE_MODELS, Model, ModelBase, ModelEffect, ModelEstimate, ModelLine
+from rig.loop.fitting.fit import Fit
+from rig.loop.fitting.intervals import covariance, quantile
+from rig.loop.model.equations import Equation
+from rig.loop.model.frames import turned, turned_shape, wrapped
+from rig.loop.model.shapes import ShapeTerm
+from rig.loop.model.terms import Line
+from rig.loop.result import Estimate, LineResult, NextExperiment, Shift, Step, Verdict
+from rig.loop.search.select import Decision
+
+Floats = NDArray[np.float64]
+
+
+def steps_of(
+    decisions: Sequence[Decision],
+    final: Fit,
+    base: Fit,
+    dut: Dut,
+    held_out: Mapping[str, tuple[float, float]],
+) -> tuple[Step, ...]:
+    """Give one step per class that was added, its lines joined, with 95 % intervals."""
+    spread, factor = covariance(final), quantile(final)
+    made = []
+    for decision in decisions:
+        numbers = [n for n, line in enumerate(final.model.lines) if line.kind == decision.kind]
+        numbers.sort(key=lambda n: -final.model.lines[n].amplitude)
+        equation = primary_equation(decision, final)
+        parameters: dict[str, Estimate] = {}
+        lines = []
+        for rank, number in enumerate(numbers, start=1):
+            line = final.model.lines[number]
+            shown = turned(line, dut)
+            suffix = "" if rank == 1 else f"_{rank}"
+            columns = spread[final.columns.of_line(number), final.columns.of_line(number)]
+            estimates = line_estimates(line, shown, columns, factor, equation.unit, *_index_error(final, line, dut))
+            parameters |= {name + suffix: value for name, value in estimates.items()}
+            lines.append(LineResult(line.order, line.amplitude, wrapped(shown.phase)))
+        for number, term in enumerate(final.model.shapes):
+            if term.kind == decision.kind:
+                place = final.columns.of_shape(number)
+                parameters |= shape_estimates(turned_shape(term, dut), spread[place, place], factor)
+        made.append(
+            Step(
+                verdict=decision.verdict,
+                effect=decision.effect,
+                members=decision.members,
+                variable=decision.kind.variable,
+                shape=decision.kind.shape,
+                lines=tuple(lines),
+                equation=equation.value,
+                parameters=parameters,
+                candidates=decision.candidates,
+                p_value=decision.p_value,
+                held_out=held_out,
+                shift=shifts(base, final),
+                next_experiment=separating_experiment(decision) if decision.verdict is Verdict.AMBIGUOUS else None,
+            )
+        )
+    return tuple(made)
+
+
+def primary_equation(decision: Decision, final: Fit) -> Equation:
+    """Give the equation in which the term is reported: the one of its balance that the logs allow."""
+    present = {item.piece.equation for item in final.linear}
+    wanted = decision.kind.equation
+    if wanted in present:
+        return wanted
+    for other in (Equation.MOTOR_CURRENT, Equation.MOTOR_TORQUE, Equation.OUTPUT_TORQUE):
+        if other in present:
+            return other
+    return wanted
+
+
+def _index_error(final: Fit, line: Line, dut: Dut) -> tuple[float, float]:
+    """Give what an angle known to one count only does to a line: standard deviations of phase (rad) and order (1/rev).
+
+    Where in its count a shaft stands is unknown and common to all runs; in which count a run's zero was found is not,
+    and tilts the order over the spread of the angles.
+    """
+    counts = dut.motor.encoder_counts if line.kind.variable == "motor_position" else dut.output.encoder_counts
+    angles = {item.piece.track.name: item.evaluation.positions.get(line.kind.variable) for item in final.linear}
+    known = [angle for angle in angles.values() if angle is not None]
+    if counts is None or not known:
+        return 0.0, 0.0
+    spread = max(float(np.std(np.concatenate(known))), 1e-9)
+    count = line.order * 2.0 * math.pi / counts / math.sqrt(12.0)
+    return count, count / math.sqrt(len(known)) / spread
+
+
+def line_estimates(
+    line: Line, shown: Line, columns: Floats, factor: float, unit: str, phase_error: float, order_error: float
+) -> dict[str, Estimate]:
+    """Give amplitude, order (unless fixed) and phase with intervals from the covariance (2, 2) or (3, 3)."""
+    size = max(line.amplitude, 1e-300)
+    by_amplitude = np.zeros(columns.shape[0])
+    by_phase = np.zeros(columns.shape[0])
+    by_amplitude[:2] = line.sine / size, line.cosine / size
+    by_phase[:2] = -line.cosine / size**2, line.sine / size**2
+    half = factor * math.sqrt(max(float(by_amplitude @ columns @ by_amplitude), 0.0))
+    turn = factor * math.sqrt(max(float(by_phase @ columns @ by_phase), 0.0) + phase_error**2)
+    phase = wrapped(shown.phase)
+    found = {"amplitude": Estimate(line.amplitude, (line.amplitude - half, line.amplitude + half), unit)}
+    if columns.shape[0] == 3:
+        wide = factor * math.sqrt(max(float(columns[2, 2]), 0.0) + order_error**2)
+        found["order"] = Estimate(line.order, (line.order - wide, line.order + wide), "1/rev")
+    found["phase"] = Estimate(phase, (phase - turn, phase + turn), "rad")
+    return found
+
+
+def shape_estimates(term: ShapeTerm, columns: Floats, factor: float) -> dict[str, Estimate]:
+    """Give every parameter of an effect that is no line: fitted ones with intervals from their covariance (k, k)."""
+    found = {
+        parameter.name: Estimate(value, None, parameter.unit)
+        for parameter, value in zip(term.effect.parameters, term.values, strict=True)
+    }
+    for number, k in enumerate(term.free):
+        parameter, value = term.effect.parameters[k], term.values[k]
+        half = factor * math.sqrt(max(float(columns[number, number]), 0.0))
+        if term.is_logarithmic(k):
+            interval = (value * math.exp(-min(half, 50.0)), value * math.exp(min(half, 50.0)))
+        else:
+            interval = (value - half, value + half)
+        found[parameter.name] = Estimate(value, interval, parameter.unit)
+    return found
+
+
+def base_estimates(final: Fit) -> dict[str, Estimate]:
+    """Give the base parameters that the data touched, with intervals."""
+    spread, factor = covariance(final), quantile(final)
+    found = {}
+    for number, name in enumerate(final.columns.base):
+        entry = final.model.table.entries[final.model.table.names.index(name)]
+        value = final.model.value(name)
+        half = factor * math.sqrt(max(float(spread[number, number]), 0.0))
+        if entry.logarithmic:
+            interval = (value * math.exp(-min(half, 50.0)), value * math.exp(min(half, 50.0)))
+        else:
+            interval = (value - half, value + half)
+        found[name] = Estimate(value, interval, entry.unit)
+    return found
+
+
+def shifts(base: Fit, final: Fit) -> dict[str, Shift]:
+    """Give how every fitted base parameter moved from `base` to `final`."""
+    units = {entry.name: entry.unit for entry in final.model.table.entries}
+    return {
+        name: Shift(base.model.value(name), final.model.value(name), units[name])
+        for name in final.columns.base
+        if name in base.columns.base
+    }
+
+
+def model_of(final: Fit, steps: Sequence[Step], enters: Sequence[str], dut: Dut, software: str) -> Model:
+    """Give the content of `model.json`."""
+    runs = tuple(dict.fromkeys(item.piece.track.name for item in final.linear))
+    parameters = {name: _as_model(value) for name, value in base_estimates(final).items()}
+    effects = tuple(
+        ModelEffect(
+            effect=step.effect,
+            enters=entry,
+            variable=step.variable,
+            shape=step.shape,
+            lines=tuple(ModelLine(order=x.order, amplitude=x.amplitude, phase=x.phase) for x in step.lines),
+            parameters={name: _as_model(value) for name, value in step.parameters.items()},
+        )
+        for step, entry in zip(steps, enters, strict=True)
+    )
+    base = ModelBase(model=BASE_MODELS[final.model.table.law], ratio=final.model.ratio, parameters=parameters)
+    return Model(schema="rig.model/1", dut=dut, base=base, effects=effects, runs=runs, software=software)
+
+
+def _as_model(estimate: Estimate) -> ModelEstimate:
+    return ModelEstimate(value=estimate.value, ci95=estimate.ci95, unit=estimate.unit)
+
+
+def separating_experiment(decision: Decision) -> NextExperiment:
+    """Give the run that separates the members of an ambiguous set."""
+    members = set(decision.members)
+    if "motor-encoder-eccentricity" in members:
+        return NextExperiment(
+            "The encoder's own error turns with the encoder: re-clock it against the wave generator and run again.",
+            "rig run free-run --set free-run.turns=2",
+        )
+    if "position-dependent-friction" in members:
+        return NextExperiment(
+            "Friction flips with the direction, a detent torque does not: turn slowly in both directions.",
+            "rig run free-run --set free-run.turns=2 --set free-run.repeats=2",
+        )
+    return NextExperiment(
+        "An angle error follows the wave generator, a stiffness follows the torque: start from several angles.",
+        "rig run locked-output free-run --set locked-output.start_angles=8",
+    )
