@@ -36,6 +36,10 @@ BLOCK, BY_CHANCE, COLOURED, WORST = 0.5, 4.0, 1.5, 6.0
 own standard errors; with a noise that remembers, whose size is known less well, it may reach the third. No block may
 exceed the last."""
 
+FARTHEST, FEWEST_BLOCKS = 15.0, 4
+"""Tolerances by which the polyline may miss the smoothed torque anywhere (a step or a pulse makes a line overshoot), and
+blocks of a record without which nothing is judged."""
+
 PASSES, PRUNINGS, SPLITS = 5, 30, 4
 """Rounds of placing knots, of taking some out, and of splitting again where the polyline misses."""
 
@@ -67,7 +71,8 @@ def polyline(values: Floats, side: int, period: float) -> Floats | None:
     """
     n = values.size
     smoothed = corners_kept(values, side)
-    if smoothed is values:
+    block = max(round(BLOCK / period), 1)
+    if smoothed is values or n < FEWEST_BLOCKS * block:
         return None
     most = min(round(n * period / SHORTEST) + 2, MOST_KNOTS)
     rest = values
@@ -92,13 +97,13 @@ def polyline(values: Floats, side: int, period: float) -> Floats | None:
         rest = values - found.at(n)
     if found.knots.size > most:
         return None
-    block = min(max(round(BLOCK / period), 1), n)
     whole = n // block * block
     means = (values - found.at(n))[:whole].reshape(-1, block).mean(axis=1)
     variance = noise[:whole].reshape(-1, block).mean(axis=1) * of_mean(memory, block)
     sizes = np.abs(means) / np.sqrt(variance)
     most_typical = COLOURED if memory else 1.0 + BY_CHANCE / math.sqrt(2.0 * sizes.size)
     good = np.sqrt(np.mean(sizes**2)) <= most_typical and sizes.max(initial=0.0) <= WORST
+    good &= np.abs(found.at(n) - smoothed).max() <= FARTHEST * tolerance.max()
     return found.at(n) if good else None
 
 

@@ -3,9 +3,10 @@
 import math
 
 import numpy as np
+from numpy.polynomial.polynomial import polyfit, polyval
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import savgol_filter
+from scipy.signal import fftconvolve, savgol_coeffs
 
 from rig.loop.signals.noise import noise_and_memory, of_mean
 
@@ -23,6 +24,9 @@ SCATTERS, AGREE = 3.0, 3.0
 FEWEST, MIN_SIDE = 7, 4
 """Samples of a log, and on a side, without which torques are left as they are."""
 
+LEAST_SCATTER = 1e-200
+"""Variance of a line through samples that lie on it."""
+
 
 def smooth(values: Floats, side: int, period: float) -> Floats:
     """Take the noise from a torque (n,): corners are kept, and cubics fitted wherever the torque follows them.
@@ -38,9 +42,9 @@ def smooth(values: Floats, side: int, period: float) -> Floats:
     least = noise * of_mean(memory, shorter)
     found = found.copy()
     for width in (2 * round(0.5 * span / period) + 1 for span in SPANS):
-        if not 4 * side < width <= values.size:
+        if not max(4 * side, FEWEST) < width <= values.size:
             continue
-        cubic = savgol_filter(values, width, 3)
+        cubic = _cubics(values, width)
         scatter = uniform_filter1d((values - cubic) ** 2, width)
         variance = CUBIC_CENTRE * noise * of_mean(memory, width)
         good = scatter <= noise * (1.0 + SCATTERS * math.sqrt(2.0 / width))
@@ -50,6 +54,16 @@ def smooth(values: Floats, side: int, period: float) -> Floats:
         found[good], least[good] = cubic[good], variance[good]
         shorter = width
     return found
+
+
+def _cubics(values: Floats, width: int) -> Floats:
+    """Give, at every sample, the cubic fitted to the `width` samples about it; towards the ends to the last `width`."""
+    middle = values.mean()
+    found = fftconvolve(values - middle, savgol_coeffs(width, 3), mode="same") + middle
+    half, place = width // 2, np.linspace(-1.0, 1.0, width)
+    for ends, kept in ((slice(None, width), slice(None, half)), (slice(-width, None), slice(-half, None))):
+        found[ends][kept] = polyval(place[kept], polyfit(place, values[ends], 3))
+    return np.asarray(found)
 
 
 def corners_kept(values: Floats, side: int) -> Floats:
@@ -62,9 +76,9 @@ def corners_kept(values: Floats, side: int) -> Floats:
         return values
     before, around, after = (_straight(values, low, high) for low, high in ((-side, 0), (-side, side), (0, side)))
     scatter = np.stack([before[1], around[1], after[1]])
-    least = np.maximum(scatter.min(axis=0), 1e-300)
+    worse = np.maximum(scatter / np.maximum(scatter.min(axis=0), LEAST_SCATTER), 1.0)
     # the variance of a fitted end point is four times, that of a centre once the mean's over half as many samples
-    weight = np.array([0.25, 2.0, 0.25])[:, None] * np.exp(-0.5 * side * (scatter / least - 1.0))
+    weight = np.array([0.25, 2.0, 0.25])[:, None] * np.exp(-0.5 * side * (worse - 1.0))
     smoothed = (weight * np.stack([before[0], around[0], after[0]])).sum(axis=0) / weight.sum(axis=0)
     return np.asarray(smoothed)
 

@@ -81,3 +81,23 @@ def test_what_rings_in_a_torque_is_no_noise(seed):
     noisy = torque + np.random.default_rng(seed).normal(0.0, NOISE, torque.size)
     left = smooth(noisy, 25, 0.001) - torque
     assert np.sqrt(np.mean(left**2)) < 0.1 / np.sqrt(2.0)
+
+
+@pytest.mark.parametrize("rate", [50.0, 100.0, 200.0, 1000.0])
+@pytest.mark.parametrize("seconds", [0.5, 3.0, 10.0])
+@pytest.mark.parametrize("noise", [0.0, NOISE])
+def test_what_a_play_gets_does_not_overshoot_a_step_or_a_pulse(rate, seconds, noise):
+    time = np.arange(round(seconds * rate)) / rate
+    for torque in (np.where(time < 0.5 * seconds, 0.0, 10.0), np.where(np.abs(time - 0.5 * seconds) < 0.1, 10.0, 0.0)):
+        noisy = torque + np.random.default_rng(0).normal(0.0, noise, torque.size)
+        line = polyline(noisy, round(0.1 * rate), 1.0 / rate)
+        got = smooth(noisy, round(0.1 * rate), 1.0 / rate) if line is None else line
+        assert got.min() > -0.5
+        assert got.max() < 10.5
+
+
+@pytest.mark.parametrize("period", [1.0, 0.1, 0.05, 1e-3, 5e-5])
+@pytest.mark.parametrize("torque", [np.zeros(41), np.full(3000, 3.0), 3001.0 * np.arange(3000)])
+def test_a_torque_without_noise_stays_what_it_is_at_any_rate(torque, period):
+    for side in (round(0.025 / period), round(0.1 / period)):
+        assert smooth(torque, side, period) == pytest.approx(torque, rel=1e-9, abs=1e-6)
