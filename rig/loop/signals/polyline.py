@@ -37,7 +37,7 @@ own standard errors; with a noise that remembers, whose size is known less well,
 exceed the last."""
 
 FARTHEST, FEWEST_BLOCKS = 15.0, 4
-"""Tolerances by which the polyline may miss the smoothed torque anywhere (a step or a pulse makes a line overshoot), and
+"""Tolerances by which the polyline may miss the smoothed torque anywhere (a step or a pulse makes it overshoot), and
 blocks of a record without which nothing is judged."""
 
 PASSES, PRUNINGS, SPLITS = 5, 30, 4
