@@ -257,7 +257,10 @@ def papers(
     out: Out = Path("runs/papers"),
     as_json: Json = False,
 ) -> None:
-    """Reproduce the source papers: their figures, and what they print beside what comes out."""
+    """Reproduce the source papers: their figures, and what they print beside what comes out.
+
+    All of them give table.md and results.json, a part its own: castejon2009-eq35.md and castejon2009-eq35.json.
+    """
     from rig.commands.papers import papers_command
 
     papers_command(tuple(names or ()), out, quick, as_json)

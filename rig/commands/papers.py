@@ -10,7 +10,7 @@ from rich.table import Table
 from drivers.errors import ConfigError, Mistake
 from rig.log.names import writable_folder
 from rig.papers.item import Grid, Workbench
-from rig.papers.registry import choose
+from rig.papers.registry import choose, report_stem
 from rig.papers.report import Done, cells, grids, run_items, to_json, write_report
 from rig.stages import Stages
 from rig.terminal import emit, tell
@@ -33,7 +33,7 @@ def papers_command(names: tuple[str, ...], out: Path, quick: bool, as_json: bool
     try:
         with Stages() as stage:
             done = run_items(items, Workbench(out, quick=quick, tell=stage))
-        written = write_report(done, out)
+        written = write_report(done, out, report_stem(names))
     except OSError as error:
         raise ConfigError("-o", [Mistake("-o", str(out), f"cannot be written: {error.strerror or error}")]) from error
     if as_json:

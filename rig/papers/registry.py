@@ -1,6 +1,7 @@
 """All items of all papers, how a person names them, and the command that runs one again."""
 
 import re
+import zlib
 from collections.abc import Sequence
 
 from drivers.errors import ConfigError, Mistake, did_you_mean
@@ -11,6 +12,9 @@ ITEMS: tuple[Item, ...] = (*zhang2014.ITEMS, *castejon2009.ITEMS, *both.ITEMS)
 
 LONGEST = 4
 """Digits of a number that can be an equation's or a figure's."""
+
+LONGEST_STEM = 100
+"""Letters of the names in the name of a report; what is longer is told apart by a checksum."""
 
 
 def choose(names: Sequence[str], items: Sequence[Item] = ITEMS) -> tuple[Item, ...]:
@@ -46,6 +50,18 @@ def file_name(item: Item, end: str = "") -> str:
     return words.strip("-")
 
 
+def report_stem(names: Sequence[str], items: Sequence[Item] = ITEMS) -> str:
+    """Give the stem of the report on the items which `names` name; "" where they are all items there are.
+
+    One part has one stem however it is typed: "Table 1" and "castejon2009/table1" give "castejon2009-table1".
+    """
+    if choose(names, items) == tuple(items):
+        return ""
+    parts = dict.fromkeys(_part_stem(name, items) for name in names)
+    stem = "+".join(parts)
+    return stem if len(stem) <= LONGEST_STEM else f"{stem[:LONGEST_STEM]}-{zlib.crc32(stem.encode()):08x}"
+
+
 def command(item: Item, row: Row) -> str:
     """Give the command that computes a row again: it runs the row's item."""
     return f"rig papers {item.paper}/{_short(row.item or item.what)}"
@@ -56,14 +72,25 @@ def _names(name: str, item: Item) -> bool:
 
     Where the item is a range, numbers within it are names, too.
     """
-    wanted, paper, what = _words(name), _words(item.paper), _words(item.what)
-    if wanted[: len(paper)] == paper:
-        wanted = wanted[len(paper) :]
-        if not wanted:
-            return True
-    elif wanted and wanted == paper[: len(wanted)]:
-        return True
-    return bool(wanted) and (wanted == what[: len(wanted)] or _within(wanted, what))
+    if not _words(name):
+        return False
+    wanted, what = _without_paper(name, item.paper), _words(item.what)
+    return wanted == what[: len(wanted)] or _within(wanted, what)
+
+
+def _without_paper(name: str, paper: str) -> list[str]:
+    """Give the words of `name` that follow the paper's name or its beginning, or all where it does not begin so."""
+    wanted, words = _words(name), _words(paper)
+    if wanted[: len(words)] == words:
+        return wanted[len(words) :]
+    return [] if wanted == words[: len(wanted)] else wanted
+
+
+def _part_stem(name: str, items: Sequence[Item]) -> str:
+    """Give the papers in which `name` names something, then the part."""
+    papers = list(dict.fromkeys(item.paper for item in items if _names(name, item)))
+    part = _short(" ".join(_without_paper(name, papers[0])))
+    return "-".join([*papers, *([part] if part else [])])
 
 
 def _within(wanted: list[str], what: list[str]) -> bool:

@@ -6,10 +6,10 @@ import pytest
 from rich.console import Console
 
 from drivers.errors import ConfigError
-from rig.commands.papers import grid_table, rows_table
+from rig.commands.papers import grid_table, papers_command, rows_table
 from rig.papers.figures import label, new_figure
 from rig.papers.item import Grid, Item, Outcome, Row, Workbench
-from rig.papers.registry import ITEMS, choose, command, file_name
+from rig.papers.registry import ITEMS, LONGEST_STEM, choose, command, file_name, report_stem
 from rig.papers.report import Done, cells, run_items, to_json, to_markdown, write_report
 
 
@@ -94,6 +94,42 @@ def test_a_row_s_command_names_its_own_part_of_the_item():
 @pytest.mark.parametrize("name", ["zhang2014/eq10", "zhang2014/eq28", "castejon2009/eq35", "castejon2009/eq6"])
 def test_every_equation_of_a_paper_is_a_name(name):
     assert len(choose([name])) == 1
+
+
+@pytest.mark.parametrize(
+    ("names", "stem"),
+    [
+        ([], ""),
+        (["zhang2014", "castejon2009", "both"], ""),
+        (["both"], "both"),
+        (["zhang"], "zhang2014"),
+        (["castejon2009/eq35"], "castejon2009-eq35"),
+        (["Castejon2009 eq. (35)"], "castejon2009-eq35"),
+        (["table"], "castejon2009-table"),
+        (["Table 1", "castejon2009/table1"], "castejon2009-table1"),
+        (["fig12"], "zhang2014-castejon2009-fig12"),
+        (["zhang2014/sec-v-t-fs", "castejon2009/fig9"], "zhang2014-sec-v-t-fs+castejon2009-fig9"),
+    ],
+)
+def test_the_report_on_a_part_is_named_after_it(names, stem):
+    assert report_stem(names) == stem
+
+
+def test_many_parts_have_a_name_that_a_file_can_have_and_no_other_parts_have():
+    names = [f"zhang2014/eq{n}" for n in range(1, 37)]
+    stems = {report_stem(names), report_stem(names[:-1])}
+    assert len(stems) == 2
+    assert max(map(len, stems)) == LONGEST_STEM + len("-12345678")
+
+
+def test_a_part_leaves_the_table_of_a_full_run_as_it_is(tmp_path):
+    full = {tmp_path / name: f"full {name}" for name in ("table.md", "results.json")}
+    for file, text in full.items():
+        file.write_text(text)
+    papers_command(("castejon2009/eq1", "table1"), tmp_path, quick=True, as_json=True)
+    assert {file: file.read_text() for file in full} == full
+    assert "castejon2009/eq1" in (tmp_path / "castejon2009-eq1+castejon2009-table1.md").read_text()
+    assert json.loads((tmp_path / "castejon2009-eq1+castejon2009-table1.json").read_text())["items"]
 
 
 def test_shared_work_is_done_once(tmp_path):
