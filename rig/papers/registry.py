@@ -3,10 +3,12 @@
 import re
 import zlib
 from collections.abc import Sequence
+from itertools import pairwise
 
 from drivers.errors import ConfigError, Mistake, did_you_mean
 from rig.papers import both, castejon2009, zhang2014
 from rig.papers.item import Item, Row
+from rig.terminal import shortened
 
 ITEMS: tuple[Item, ...] = (*zhang2014.ITEMS, *castejon2009.ITEMS, *both.ITEMS)
 
@@ -26,21 +28,7 @@ def choose(names: Sequence[str], items: Sequence[Item] = ITEMS) -> tuple[Item, .
     """
     unknown = [name for name in names if not any(_names(name, item) for item in items)]
     if unknown:
-        papers = list(dict.fromkeys(item.paper for item in items))
-        known = [f"{item.paper}/{_short(item.what)}" for item in items]
-        alone = [_short(item.what) for item in items]
-        raise ConfigError(
-            "NAME",
-            [
-                Mistake(
-                    "NAME",
-                    name[:60],
-                    f"unknown{did_you_mean(name, known if '/' in name else [*papers, *alone])}; "
-                    f"expected one of {', '.join([*papers, *known])}",
-                )
-                for name in unknown
-            ],
-        )
+        raise ConfigError("NAME", [Mistake("NAME", shortened(name), _what_there_is(name, items)) for name in unknown])
     return tuple(item for item in items if not names or any(_names(name, item) for name in names))
 
 
@@ -65,6 +53,47 @@ def report_stem(names: Sequence[str], items: Sequence[Item] = ITEMS) -> str:
 def command(item: Item, row: Row) -> str:
     """Give the command that computes a row again: it runs the row's item."""
     return f"rig papers {item.paper}/{_short(row.item or item.what)}"
+
+
+def _what_there_is(name: str, items: Sequence[Item]) -> str:
+    """Say what is near to an unknown name, and what its paper has, or every paper where it names none."""
+    parts = {paper: _parts(paper, items) for paper in dict.fromkeys(item.paper for item in items)}
+    meant = [paper for paper in parts if _without_paper(name, paper) != _words(name)] or list(parts)
+    with_paper = "/" in name or len(meant) < len(parts)
+    near = [f"{paper}/{part}" if with_paper else part for paper in meant for part in _typed(parts[paper])]
+    near += [] if with_paper else parts
+    has = "; ".join(f"{paper} has {', '.join(_ranges(parts[paper]))}" for paper in meant)
+    return f"unknown{did_you_mean(name, near)}; {has}"
+
+
+def _parts(paper: str, items: Sequence[Item]) -> list[tuple[str, int | None]]:
+    """Give the parts of a paper as kind and number, such as eq 7; what has no number as its name and None."""
+    parts: dict[tuple[str, int | None], None] = {}
+    for what in (_words(item.what) for item in items if item.paper == paper):
+        if len(what) in (2, 3) and all(word.isdecimal() for word in what[1:]):
+            parts |= dict.fromkeys((what[0], number) for number in range(int(what[1]), int(what[-1]) + 1))
+        else:
+            parts[_short(" ".join(what)), None] = None
+    return list(parts)
+
+
+def _typed(parts: Sequence[tuple[str, int | None]]) -> list[str]:
+    """Give every part as it is typed."""
+    return [kind if number is None else f"{kind}{number}" for kind, number in parts]
+
+
+def _ranges(parts: Sequence[tuple[str, int | None]]) -> list[str]:
+    """Give the parts shortly: "eq1 to eq40", "table1", "table2", "conclusions"."""
+    told = []
+    for kind in dict.fromkeys(kind for kind, _ in parts):
+        numbers = sorted(number for one, number in parts if one == kind and number is not None)
+        begins = [k for k, number in enumerate(numbers) if k == 0 or number > numbers[k - 1] + 1]
+        for begin, end in pairwise([*begins, len(numbers)]):
+            run = [f"{kind}{number}" for number in numbers[begin:end]]
+            told += run if len(run) <= 2 else [f"{run[0]} to {run[-1]}"]
+        if not numbers:
+            told.append(kind)
+    return told
 
 
 def _names(name: str, item: Item) -> bool:

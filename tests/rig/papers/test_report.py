@@ -56,7 +56,7 @@ def test_a_name_means_a_paper_or_an_item_or_how_one_begins(names, meant):
 
 @pytest.mark.parametrize("name", ["fig2", "", "--", "zhang"])
 def test_a_name_that_means_nothing_is_refused_with_what_there_is(name):
-    with pytest.raises(ConfigError, match="two2002/eq31-35"):
+    with pytest.raises(ConfigError, match="one2001 has fig1, fig12; two2002 has eq31 to eq35"):
         choose([name], SOME)
 
 
@@ -69,10 +69,41 @@ def test_every_item_has_a_name_and_a_file_of_its_own():
 def test_the_names_in_the_refusal_are_names():
     with pytest.raises(ConfigError) as refused:
         choose(["nothing"])
-    names = str(refused.value).split("expected one of ")[1].rstrip(".").split(", ")
-    papers, parts = ([name for name in names if ("/" in name) is part] for part in (False, True))
-    assert [choose([name]) for name in parts] == [(item,) for item in ITEMS]
-    assert [item for name in papers for item in choose([name])] == list(ITEMS)
+    chosen = set()
+    for told in str(refused.value).split("unknown; ")[1].rstrip(".").split("; "):
+        paper, parts = told.split(" has ")
+        for part in parts.split(", "):
+            first, last = (part.split(" to ") * 2)[:2]
+            kind = first.rstrip("0123456789")
+            numbers = first.removeprefix(kind), last.removeprefix(kind)
+            names = [f"{kind}{n}" for n in range(int(numbers[0]), int(numbers[1]) + 1)] if numbers[0] else [kind]
+            for name in names:
+                (item,) = choose([f"{paper}/{name}"])
+                chosen.add(item)
+    assert chosen == set(ITEMS)
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        (
+            "castejon2009/eq99",
+            "unknown (did you mean castejon2009/eq9?); castejon2009 has eq1 to eq40, fig1 to fig12, "
+            "table1, table2, conclusions",
+        ),
+        (
+            "zhang2014/eq0",
+            "zhang2014 has eq1 to eq36, fig1 to fig14, sec-v-t-fs, sec-v-t-fb, sec-v-parameters, beyond",
+        ),
+        ("both/two", "both has one-model"),
+        ("castejon2009/conclusion-s", "unknown (did you mean castejon2009/conclusions?); castejon2009 has eq1 to eq40"),
+    ],
+)
+def test_an_unknown_part_of_a_paper_is_answered_shortly_with_what_that_paper_has(name, told):
+    with pytest.raises(ConfigError) as refused:
+        choose([name])
+    assert told in str(refused.value)
+    assert len(str(refused.value)) < 220
 
 
 def test_a_misspelt_name_is_answered_with_one_that_is_near():
