@@ -4,8 +4,10 @@ import json
 
 import pytest
 from rich.console import Console
+from typer.testing import CliRunner
 
 from drivers.errors import ConfigError
+from rig.cli import app
 from rig.commands.papers import grid_table, papers_command, rows_table
 from rig.papers.figures import label, new_figure
 from rig.papers.item import Grid, Item, Outcome, Row, Workbench
@@ -196,6 +198,14 @@ def test_figures_results_and_table_are_written(tmp_path):
     assert f"| `{again}` |" in table.read_text()
     assert "a \\| b" in table.read_text()
     assert "![An example](one2001-fig-1.png)" in table.read_text()
+
+
+@pytest.mark.parametrize(("columns", "widest"), [("80", 80), ("100", 100), ("300", 120), ("", 120), ("0", 120)])
+def test_a_table_that_is_piped_keeps_to_the_columns_that_the_environment_tells(columns, widest, tmp_path):
+    runner = CliRunner(env={"COLUMNS": columns})
+    answer = runner.invoke(app, ["papers", "castejon2009/eq26", "-o", str(tmp_path)])
+    assert answer.exit_code == 0
+    assert max(map(len, answer.stdout.splitlines())) == widest
 
 
 LONG = "what stands beside a number and takes more room than a line of the table has left"
