@@ -126,7 +126,13 @@ def devices(as_json: Json = False) -> None:
 
 @app.command()
 def effects(
-    names: Annotated[list[str] | None, typer.Argument(metavar="NAME", help="Only these effects.")] = None,
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="NAME",
+            help="Only these effects or groups: base, torsion, motor-balance, output-balance, friction, reading.",
+        ),
+    ] = None,
     brief: Annotated[bool, typer.Option("--brief", help="One line for each effect.")] = False,
     as_json: Json = False,
 ) -> None:

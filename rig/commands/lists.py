@@ -91,6 +91,9 @@ ENTERS: Mapping[Enters, str] = MappingProxyType(
 )
 """What stands above the effects that enter there, in the order in which they are listed."""
 
+GROUPS: Mapping[str, Enters] = MappingProxyType({str(enters).replace(" ", "-"): enters for enters in ENTERS})
+"""Where effects enter, by the name that is typed."""
+
 OPERATORS: Mapping[str, str] = MappingProxyType(
     {
         "lag(": "lag(u; tau): u behind a first-order low-pass of time constant tau",
@@ -103,17 +106,19 @@ OPERATORS: Mapping[str, str] = MappingProxyType(
 def list_effects(names: Sequence[str], brief: bool, as_json: bool) -> None:
     """Print the effect catalogue, or the effects `names`: equation, unit, range, where it shows, what separates it.
 
+    A name is an effect's or a group's, which is a heading as it is printed or with a hyphen: motor-balance.
     The whole catalogue begins with one line for each effect; `brief`: these lines alone. JSON carries everything.
     Raises ConfigError with every unknown name and the names near to it.
     """
     unknown = [
-        Mistake("NAME", shortened(name), f"unknown{did_you_mean(name, CATALOGUE)}")
+        Mistake("NAME", shortened(name), f"unknown{did_you_mean(name, [*CATALOGUE, *GROUPS])}")
         for name in names
-        if name not in CATALOGUE
+        if name not in CATALOGUE and _group_name(name) not in GROUPS
     ]
     if unknown:
         raise ConfigError("command line", unknown, hint="`rig effects` lists all of them.")
-    effects = [effect for effect in CATALOGUE.values() if not names or effect.id in names]
+    groups = {GROUPS.get(_group_name(name)) for name in names}
+    effects = [e for e in CATALOGUE.values() if not names or e.id in names or e.enters in groups]
     if as_json:
         emit({"effects": [_effect_record(effect) for effect in effects]})
         return
@@ -133,6 +138,10 @@ def list_effects(names: Sequence[str], brief: bool, as_json: bool) -> None:
     console.print("", *used, sep="\n", highlight=False)
 
 
+def _group_name(name: str) -> str:
+    return name.strip().lower().replace(" ", "-")
+
+
 def _overview(console: Console, effects: Sequence[Effect], *, cut: bool) -> None:
     """Print one line for each effect; `cut`: at the width of the terminal, since the whole text follows."""
     widest = max(len(effect.id) for effect in effects)
@@ -147,7 +156,7 @@ def _overview(console: Console, effects: Sequence[Effect], *, cut: bool) -> None
             else:
                 console.print(line, soft_wrap=True)
     told = "`rig effects --brief` prints these lines alone, " if cut else ""
-    console.print(f"{told}`rig effects NAME...` all about some.", highlight=False)
+    console.print(f"{told}`rig effects NAME...` all about some effects or groups (motor-balance).", highlight=False)
 
 
 def _effect_table(effect: Effect) -> Table:

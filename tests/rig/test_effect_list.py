@@ -64,6 +64,25 @@ def test_a_name_gives_that_effect_alone_and_explains_what_its_equation_uses():
         assert (f"\n{other}\n" in text) == (other in ("creep", "soft-windup")), other
 
 
+@pytest.mark.parametrize("enters", list(Enters))
+def test_a_group_gives_its_effects_alone(enters: Enters):
+    wanted = [effect.id for effect in CATALOGUE.values() if effect.enters is enters]
+    for name in (str(enters), str(enters).replace(" ", "-"), str(enters).upper()):
+        assert list(told_of_each(effects(name, "--brief", width=200).stdout.splitlines())) == wanted
+    headings = [line for line in effects(str(enters)).stdout.splitlines() if line.split(": ")[0].isupper()]
+    assert [line.split(": ")[0] for line in headings] == [str(enters).upper()]
+
+
+def test_groups_and_effects_can_be_named_together():
+    records = json.loads(effects("motor-balance", "creep", "--json").stdout)["effects"]
+    balance = {effect.id for effect in CATALOGUE.values() if effect.enters is Enters.MOTOR_BALANCE}
+    assert {record["id"] for record in records} == {*balance, "creep"}
+
+
+def test_no_group_has_the_name_of_an_effect():
+    assert not {str(enters).replace(" ", "-") for enters in Enters} & set(CATALOGUE)
+
+
 def test_what_is_not_fitted_is_marked():
     words = " ".join(effects("backlash").stdout.split())
     assert "gear ratio; given, not fitted" in words
@@ -100,6 +119,7 @@ def test_json_of_one_effect():
         ("Kinematic_Error", "did you mean kinematic-error?"),
         ("eccentricity", "did you mean motor-encoder-eccentricity or output-encoder-eccentricity?"),
         ("gravity", "did you mean gravity-load?"),
+        ("motor_balance", "did you mean motor-balance"),
         ("xyz", "unknown."),
     ],
 )
