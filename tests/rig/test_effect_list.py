@@ -1,5 +1,6 @@
 """`rig effects`: the catalogue as a person and as a program read it."""
 
+import itertools
 import json
 
 import pytest
@@ -31,20 +32,31 @@ def summaries() -> dict[str, str]:
 
 
 def told_of_each(lines: list[str]) -> dict[str, str]:
-    return dict(line.strip().split(maxsplit=1) for line in lines if line.startswith("  "))
+    told: dict[str, str] = {}
+    for line in (line for line in lines if line.startswith("  ")):
+        if line.startswith("   "):
+            told[list(told)[-1]] += f" {line.strip()}"
+        else:
+            name, told[name] = line.strip().split(maxsplit=1)
+    return told
 
 
-def test_it_begins_with_a_line_for_each_effect():
-    lines = [line.rstrip() for line in effects(width=130).stdout.splitlines()]
-    overview = lines[: next(k for k, line in enumerate(lines) if line.startswith("BASE: "))]
+@pytest.mark.parametrize("width", [60, 80, 130])
+def test_it_begins_with_the_summary_of_each_effect_and_brief_is_these_lines_alone(width: int):
+    brief = effects("--brief", width=width).stdout.splitlines()
+    lines = effects(width=width).stdout.splitlines()
+    brief, overview = ([*itertools.takewhile(lambda line: line[0] != "`", all_lines)] for all_lines in (brief, lines))
+    assert brief == overview
     assert told_of_each(overview) == summaries()
-
-
-def test_brief_is_these_lines_alone_and_keeps_them_whole_in_a_narrow_terminal():
-    lines = effects("--brief").stdout.splitlines()
-    assert told_of_each(lines) == summaries()
-    assert len(lines) <= len(CATALOGUE) + len(Enters) + 1
+    assert max(map(len, overview)) <= width
     assert "lag(u" not in effects("creep", "--brief").stdout
+
+
+@pytest.mark.parametrize("arguments", [(), ("--brief",)])
+def test_each_effect_has_one_line_where_nothing_says_how_wide_a_line_may_be(arguments: tuple[str, ...]):
+    lines = CliRunner(env={"COLUMNS": ""}).invoke(app, ["effects", *arguments]).stdout.splitlines()
+    for effect in CATALOGUE.values():
+        assert any(line.split(maxsplit=1) == [effect.id, effect.summary] for line in lines), effect.id
 
 
 def test_effects_stand_below_where_they_enter():
