@@ -126,7 +126,13 @@ def devices(as_json: Json = False) -> None:
 
 @app.command()
 def effects(
-    names: Annotated[list[str] | None, typer.Argument(metavar="NAME", help="Only these effects.")] = None,
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="NAME",
+            help="Only these effects or groups: base, torsion, motor-balance, output-balance, friction, reading.",
+        ),
+    ] = None,
     brief: Annotated[bool, typer.Option("--brief", help="One line for each effect.")] = False,
     as_json: Json = False,
 ) -> None:
@@ -257,7 +263,10 @@ def papers(
     out: Out = Path("runs/papers"),
     as_json: Json = False,
 ) -> None:
-    """Reproduce the source papers: their figures, and what they print beside what comes out."""
+    """Reproduce the source papers: their figures, and what they print beside what comes out.
+
+    All of them give table.md and results.json, a part its own: castejon2009-eq35.md and castejon2009-eq35.json.
+    """
     from rig.commands.papers import papers_command
 
     papers_command(tuple(names or ()), out, quick, as_json)

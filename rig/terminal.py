@@ -1,6 +1,7 @@
 """What a person or a program sees of a command: errors as one paragraph on stderr, results as text or JSON."""
 
 import json
+import os
 import sys
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -21,6 +22,12 @@ def tell(text: str) -> None:
 def emit(record: Mapping[str, object]) -> None:
     """Print one JSON document on stdout."""
     print(json.dumps(record, default=str, allow_nan=False))
+
+
+def width_is_known() -> bool:
+    """Tell whether a terminal or the environment variable COLUMNS says how wide a line may be."""
+    told = os.environ.get("COLUMNS", "")
+    return sys.stdout.isatty() or (told.isdecimal() and int(told) > 0)
 
 
 def shortened(text: str) -> str:

@@ -12,7 +12,8 @@ from drivers.errors import ConfigError, Mistake, did_you_mean
 from drivers.registry import all_drivers
 from procedures.plan import ParameterInfo, parameter_table
 from procedures.registry import PROCEDURES
-from rig.terminal import emit, shortened
+from rig.terminal import emit, shortened, width_is_known
+from rig.wrapping import lines_of
 from sim_backend.model.effects import CATALOGUE, Effect, Energy, Enters
 
 DEFAULTS = (
@@ -91,6 +92,12 @@ ENTERS: Mapping[Enters, str] = MappingProxyType(
 )
 """What stands above the effects that enter there, in the order in which they are listed."""
 
+SUMMARY = 20
+"""Columns that the summary of an effect has at least, however narrow the terminal is."""
+
+GROUPS: Mapping[str, Enters] = MappingProxyType({str(enters).replace(" ", "-"): enters for enters in ENTERS})
+"""Where effects enter, by the name that is typed."""
+
 OPERATORS: Mapping[str, str] = MappingProxyType(
     {
         "lag(": "lag(u; tau): u behind a first-order low-pass of time constant tau",
@@ -103,23 +110,27 @@ OPERATORS: Mapping[str, str] = MappingProxyType(
 def list_effects(names: Sequence[str], brief: bool, as_json: bool) -> None:
     """Print the effect catalogue, or the effects `names`: equation, unit, range, where it shows, what separates it.
 
+    A name is an effect's or a group's, which is a heading as it is printed or with a hyphen: motor-balance.
     The whole catalogue begins with one line for each effect; `brief`: these lines alone. JSON carries everything.
     Raises ConfigError with every unknown name and the names near to it.
     """
     unknown = [
-        Mistake("NAME", shortened(name), f"unknown{did_you_mean(name, CATALOGUE)}")
+        Mistake("NAME", shortened(name), f"unknown{did_you_mean(name, [*CATALOGUE, *GROUPS])}")
         for name in names
-        if name not in CATALOGUE
+        if name not in CATALOGUE and _group_name(name) not in GROUPS
     ]
     if unknown:
         raise ConfigError("command line", unknown, hint="`rig effects` lists all of them.")
-    effects = [effect for effect in CATALOGUE.values() if not names or effect.id in names]
+    groups = {GROUPS.get(_group_name(name)) for name in names}
+    effects = [e for e in CATALOGUE.values() if not names or e.id in names or e.enters in groups]
     if as_json:
         emit({"effects": [_effect_record(effect) for effect in effects]})
         return
     console = Console()
     if brief or not names:
-        _overview(console, effects, cut=not brief)
+        _overview(console, effects)
+        told = "" if brief else "`rig effects --brief` prints these lines alone, "
+        console.print(f"{told}`rig effects NAME...` all about some effects or groups (motor-balance).", highlight=False)
     if brief:
         return
     for enters, meaning in ENTERS.items():
@@ -133,21 +144,27 @@ def list_effects(names: Sequence[str], brief: bool, as_json: bool) -> None:
     console.print("", *used, sep="\n", highlight=False)
 
 
-def _overview(console: Console, effects: Sequence[Effect], *, cut: bool) -> None:
-    """Print one line for each effect; `cut`: at the width of the terminal, since the whole text follows."""
+def _group_name(name: str) -> str:
+    return name.strip().lower().replace(" ", "-")
+
+
+def _overview(console: Console, effects: Sequence[Effect]) -> None:
+    """Print one line for each effect, which goes on in its own column where it is wider than the terminal or COLUMNS.
+
+    Where neither says how wide a line may be, a line stays one: it goes to a file or to a search.
+    """
+    width = console.width if width_is_known() else None
     widest = max(len(effect.id) for effect in effects)
     for enters in ENTERS:
         group = [effect for effect in effects if effect.enters is enters]
         if group:
             console.print(f"[bold]{enters}[/bold]", highlight=False)
         for effect in group:
-            line = Text(f"  {effect.id:{widest}}  {effect.summary}")
-            if cut:
-                console.print(line, no_wrap=True, overflow="ellipsis")
-            else:
-                console.print(line, soft_wrap=True)
-    told = "`rig effects --brief` prints these lines alone, " if cut else ""
-    console.print(f"{told}`rig effects NAME...` all about some.", highlight=False)
+            begin = f"  {effect.id:{widest}}  "
+            lines = [effect.summary] if width is None else lines_of(effect.summary, max(width - len(begin), SUMMARY))
+            for line in lines:
+                console.print(Text(begin + line), soft_wrap=True)
+                begin = " " * len(begin)
 
 
 def _effect_table(effect: Effect) -> Table:

@@ -1,6 +1,5 @@
 """`rig papers`: reproduce the source papers and set what they print beside what comes out."""
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,13 +9,14 @@ from rich.table import Table
 from drivers.errors import ConfigError, Mistake
 from rig.log.names import writable_folder
 from rig.papers.item import Grid, Workbench
-from rig.papers.registry import choose
+from rig.papers.registry import choose, report_stem
 from rig.papers.report import Done, cells, grids, run_items, to_json, write_report
 from rig.stages import Stages
-from rig.terminal import emit, tell
+from rig.terminal import emit, tell, width_is_known
+from rig.wrapping import Wrapped
 
 WIDTH = 120
-"""Columns of the tables at most, and where they do not go to a terminal."""
+"""Columns of the tables at most, and where neither a terminal nor COLUMNS says how many there are."""
 
 PREFIX = "rig papers "
 """What the command of every row begins with; the table has it once, above the column."""
@@ -33,13 +33,13 @@ def papers_command(names: tuple[str, ...], out: Path, quick: bool, as_json: bool
     try:
         with Stages() as stage:
             done = run_items(items, Workbench(out, quick=quick, tell=stage))
-        written = write_report(done, out)
+        written = write_report(done, out, report_stem(names))
     except OSError as error:
         raise ConfigError("-o", [Mistake("-o", str(out), f"cannot be written: {error.strerror or error}")]) from error
     if as_json:
         emit(to_json(done))
         return
-    console = Console(width=min(Console().width, WIDTH) if sys.stdout.isatty() else WIDTH)
+    console = Console(width=min(Console().width, WIDTH) if width_is_known() else WIDTH)
     console.print(rows_table(done), highlight=False, markup=False)
     for grid in grids(done):
         console.print(grid_table(grid), highlight=False, markup=False)
@@ -58,7 +58,8 @@ def rows_table(done: Sequence[Done]) -> Table:
     for one in done:
         for row in one.outcome.rows:
             _, _, *shown, again = cells(one, row)
-            table.add_row(again.removeprefix(PREFIX), *shown)
+            quantity, *figures, note = shown
+            table.add_row(again.removeprefix(PREFIX), Wrapped(quantity), *figures, Wrapped(note))
     return table
 
 

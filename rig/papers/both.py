@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rig.papers.castejon2009.bench import SPEEDS, rpm
 from rig.papers.castejon2009.spectra import line_order, order_spectrum
-from rig.papers.figures import label, new_figure
+from rig.papers.figures import label, new_figure, one_turn
 from rig.papers.item import Item, Outcome, Row, Workbench
 from rig.papers.zhang2014.drive import HYSTERESIS_LOSS, paper_drive
 from sim_backend.model.error_in_plant import kinematic_effects, series_of_torsion
@@ -131,18 +131,19 @@ def one_model(bench: Workbench) -> Outcome:
 
 def _draw_flexible(runs: list[Turning], parts: list[Floats]) -> Figure:
     """Draw the flexible part over one motor turn at all four speeds."""
-    figure, (axes,) = new_figure("One plant, as Fig. 9 of 2009: flexible part of the kinematic error")
+    figure, (axes,) = new_figure("One plant, as Castejon 2009, Fig. 9: flexible part of the kinematic error")
     for speed, run, part in zip(SPEEDS, runs, parts, strict=True):
         angle = run.motor_position - 2.0 * math.pi * math.floor(run.motor_position[0] / (2.0 * math.pi))
         turn = (angle >= 2.0 * math.pi) & (angle <= 4.0 * math.pi)
         axes.plot(angle[turn] - 2.0 * math.pi, (part[turn] - part.mean()) * 1e6, label=rpm(speed))
     label(axes, "motor angle [rad]", "flexible part less its mean [urad]")
+    one_turn(axes)
     return figure
 
 
 def _draw_orders(runs: list[Turning]) -> Figure:
     """Draw the spectrum of the error over the motor angle at the slowest and the fastest speed."""
-    figure, (axes,) = new_figure("One plant, as Fig. 12 of 2009: spectrum of the kinematic error")
+    figure, (axes,) = new_figure("One plant, as Castejon 2009, Fig. 12: spectrum of the kinematic error")
     orders = np.linspace(0.2, 8.0, 800)
     for speed, run in ((SPEEDS[0], runs[0]), (SPEEDS[-1], runs[-1])):
         axes.plot(orders, order_spectrum(run.motor_position, run.torsion, orders) * 1e6, label=rpm(speed))
@@ -152,15 +153,21 @@ def _draw_orders(runs: list[Turning]) -> Figure:
 
 def _draw_shares(shares: list[float]) -> Figure:
     """Draw the share of the flexible part over the speed."""
-    figure, (axes,) = new_figure("One plant: share of the flexible part against speed")
-    axes.plot([speed * 30.0 / math.pi for speed in SPEEDS], np.array(shares) * 100.0, "o-")
+    figure, (axes,) = new_figure("One plant, as Castejon 2009, conclusions: share of the flexible part against speed")
+    axes.plot(
+        [speed * 30.0 / math.pi for speed in SPEEDS],
+        np.array(shares) * 100.0,
+        "o-",
+        label=f"with an arm of {ARM:g} kg*m^2",
+    )
+    axes.plot(SPEEDS[0] * 30.0 / math.pi, _MOST[0] * 100.0, "kv", label="printed, at most 5 %")
     label(axes, "motor speed [rpm]", "flexible part [% of total]")
     return figure
 
 
 def _draw_loop(loop: Locked) -> Figure:
     """Draw the output torque over the torsion of the locked drive."""
-    figure, (axes,) = new_figure("The same plant, as Fig. 2 and 14 of 2014: hysteresis of the locked drive")
+    figure, (axes,) = new_figure("The same plant, as Zhang 2014, Fig. 2 and 14: hysteresis of the locked drive")
     axes.plot(loop.torsion * 1e3, loop.output_torque, linewidth=0.8)
     label(axes, "torsion [mrad]", "output torque [N*m]")
     return figure

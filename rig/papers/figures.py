@@ -1,5 +1,7 @@
 """Figures of the papers, drawn without a display."""
 
+import math
+
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -11,6 +13,13 @@ def new_figure(title: str, panels: int = 1, *, height: float = 3.2) -> tuple[Fig
     FigureCanvasAgg(figure)
     figure.suptitle(title, fontsize=10)
     return figure, tuple(figure.add_subplot(panels, 1, number + 1) for number in range(panels))
+
+
+def one_turn(axes: Axes) -> None:
+    """End the horizontal axis, an angle in rad, at one turn."""
+    axes.set_xlim(0.0, 2.0 * math.pi)
+    quarters = ("0", "pi/2", "pi", "3 pi/2", "2 pi")
+    axes.set_xticks([0.5 * math.pi * quarter for quarter in range(len(quarters))], labels=quarters)
 
 
 def label(axes: Axes, x: str, y: str) -> None:

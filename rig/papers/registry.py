@@ -1,16 +1,22 @@
 """All items of all papers, how a person names them, and the command that runs one again."""
 
 import re
+import zlib
 from collections.abc import Sequence
+from itertools import pairwise
 
 from drivers.errors import ConfigError, Mistake, did_you_mean
 from rig.papers import both, castejon2009, zhang2014
 from rig.papers.item import Item, Row
+from rig.terminal import shortened
 
 ITEMS: tuple[Item, ...] = (*zhang2014.ITEMS, *castejon2009.ITEMS, *both.ITEMS)
 
 LONGEST = 4
 """Digits of a number that can be an equation's or a figure's."""
+
+LONGEST_STEM = 100
+"""Letters of the names in the name of a report; what is longer is told apart by a checksum."""
 
 
 def choose(names: Sequence[str], items: Sequence[Item] = ITEMS) -> tuple[Item, ...]:
@@ -22,21 +28,7 @@ def choose(names: Sequence[str], items: Sequence[Item] = ITEMS) -> tuple[Item, .
     """
     unknown = [name for name in names if not any(_names(name, item) for item in items)]
     if unknown:
-        papers = list(dict.fromkeys(item.paper for item in items))
-        known = [f"{item.paper}/{_short(item.what)}" for item in items]
-        alone = [_short(item.what) for item in items]
-        raise ConfigError(
-            "NAME",
-            [
-                Mistake(
-                    "NAME",
-                    name[:60],
-                    f"unknown{did_you_mean(name, known if '/' in name else [*papers, *alone])}; "
-                    f"expected one of {', '.join([*papers, *known])}",
-                )
-                for name in unknown
-            ],
-        )
+        raise ConfigError("NAME", [Mistake("NAME", shortened(name), _what_there_is(name, items)) for name in unknown])
     return tuple(item for item in items if not names or any(_names(name, item) for name in names))
 
 
@@ -46,9 +38,62 @@ def file_name(item: Item, end: str = "") -> str:
     return words.strip("-")
 
 
+def report_stem(names: Sequence[str], items: Sequence[Item] = ITEMS) -> str:
+    """Give the stem of the report on the items which `names` name; "" where they are all items there are.
+
+    One part has one stem however it is typed: "Table 1" and "castejon2009/table1" give "castejon2009-table1".
+    """
+    if choose(names, items) == tuple(items):
+        return ""
+    parts = dict.fromkeys(_part_stem(name, items) for name in names)
+    stem = "+".join(parts)
+    return stem if len(stem) <= LONGEST_STEM else f"{stem[:LONGEST_STEM]}-{zlib.crc32(stem.encode()):08x}"
+
+
 def command(item: Item, row: Row) -> str:
     """Give the command that computes a row again: it runs the row's item."""
     return f"rig papers {item.paper}/{_short(row.item or item.what)}"
+
+
+def _what_there_is(name: str, items: Sequence[Item]) -> str:
+    """Say what is near to an unknown name, and what its paper has, or every paper where it names none."""
+    parts = {paper: _parts(paper, items) for paper in dict.fromkeys(item.paper for item in items)}
+    meant = [paper for paper in parts if _without_paper(name, paper) != _words(name)] or list(parts)
+    with_paper = "/" in name or len(meant) < len(parts)
+    near = [f"{paper}/{part}" if with_paper else part for paper in meant for part in _typed(parts[paper])]
+    near += [] if with_paper else parts
+    has = "; ".join(f"{paper} has {', '.join(_ranges(parts[paper]))}" for paper in meant)
+    return f"unknown{did_you_mean(name, near)}; {has}"
+
+
+def _parts(paper: str, items: Sequence[Item]) -> list[tuple[str, int | None]]:
+    """Give the parts of a paper as kind and number, such as eq 7; what has no number as its name and None."""
+    parts: dict[tuple[str, int | None], None] = {}
+    for what in (_words(item.what) for item in items if item.paper == paper):
+        if len(what) in (2, 3) and all(word.isdecimal() for word in what[1:]):
+            parts |= dict.fromkeys((what[0], number) for number in range(int(what[1]), int(what[-1]) + 1))
+        else:
+            parts[_short(" ".join(what)), None] = None
+    return list(parts)
+
+
+def _typed(parts: Sequence[tuple[str, int | None]]) -> list[str]:
+    """Give every part as it is typed."""
+    return [kind if number is None else f"{kind}{number}" for kind, number in parts]
+
+
+def _ranges(parts: Sequence[tuple[str, int | None]]) -> list[str]:
+    """Give the parts shortly: "eq1 to eq40", "table1", "table2", "conclusions"."""
+    told = []
+    for kind in dict.fromkeys(kind for kind, _ in parts):
+        numbers = sorted(number for one, number in parts if one == kind and number is not None)
+        begins = [k for k, number in enumerate(numbers) if k == 0 or number > numbers[k - 1] + 1]
+        for begin, end in pairwise([*begins, len(numbers)]):
+            run = [f"{kind}{number}" for number in numbers[begin:end]]
+            told += run if len(run) <= 2 else [f"{run[0]} to {run[-1]}"]
+        if not numbers:
+            told.append(kind)
+    return told
 
 
 def _names(name: str, item: Item) -> bool:
@@ -56,14 +101,25 @@ def _names(name: str, item: Item) -> bool:
 
     Where the item is a range, numbers within it are names, too.
     """
-    wanted, paper, what = _words(name), _words(item.paper), _words(item.what)
-    if wanted[: len(paper)] == paper:
-        wanted = wanted[len(paper) :]
-        if not wanted:
-            return True
-    elif wanted and wanted == paper[: len(wanted)]:
-        return True
-    return bool(wanted) and (wanted == what[: len(wanted)] or _within(wanted, what))
+    if not _words(name):
+        return False
+    wanted, what = _without_paper(name, item.paper), _words(item.what)
+    return wanted == what[: len(wanted)] or _within(wanted, what)
+
+
+def _without_paper(name: str, paper: str) -> list[str]:
+    """Give the words of `name` that follow the paper's name or its beginning, or all where it does not begin so."""
+    wanted, words = _words(name), _words(paper)
+    if wanted[: len(words)] == words:
+        return wanted[len(words) :]
+    return [] if wanted == words[: len(wanted)] else wanted
+
+
+def _part_stem(name: str, items: Sequence[Item]) -> str:
+    """Give the papers in which `name` names something, then the part."""
+    papers = list(dict.fromkeys(item.paper for item in items if _names(name, item)))
+    part = _short(" ".join(_without_paper(name, papers[0])))
+    return "-".join([*papers, *([part] if part else [])])
 
 
 def _within(wanted: list[str], what: list[str]) -> bool:

@@ -1,4 +1,4 @@
-"""Run items and write what they give: figures, `results.json` and `table.md`."""
+"""Run items and write what they give: figures, and a report as Markdown and JSON."""
 
 import json
 from collections.abc import Sequence
@@ -35,9 +35,9 @@ def run_items(items: Sequence[Item], workbench: Workbench) -> tuple[Done, ...]:
     return tuple(done)
 
 
-def write_report(done: Sequence[Done], folder: Path) -> tuple[Path, Path]:
-    """Write `results.json` and `table.md`; give both paths."""
-    results, table = folder / "results.json", folder / "table.md"
+def write_report(done: Sequence[Done], folder: Path, stem: str = "") -> tuple[Path, Path]:
+    """Write `results.json` and `table.md`, of a part `stem`.json and `stem`.md; give both paths."""
+    results, table = folder / f"{stem or 'results'}.json", folder / f"{stem or 'table'}.md"
     results.write_text(json.dumps(to_json(done), indent=2, allow_nan=False) + "\n", encoding="utf-8")
     table.write_text(to_markdown(done), encoding="utf-8")
     return results, table

@@ -1,5 +1,6 @@
 """`rig effects`: the catalogue as a person and as a program read it."""
 
+import itertools
 import json
 
 import pytest
@@ -31,20 +32,31 @@ def summaries() -> dict[str, str]:
 
 
 def told_of_each(lines: list[str]) -> dict[str, str]:
-    return dict(line.strip().split(maxsplit=1) for line in lines if line.startswith("  "))
+    told: dict[str, str] = {}
+    for line in (line for line in lines if line.startswith("  ")):
+        if line.startswith("   "):
+            told[list(told)[-1]] += f" {line.strip()}"
+        else:
+            name, told[name] = line.strip().split(maxsplit=1)
+    return told
 
 
-def test_it_begins_with_a_line_for_each_effect():
-    lines = [line.rstrip() for line in effects(width=130).stdout.splitlines()]
-    overview = lines[: next(k for k, line in enumerate(lines) if line.startswith("BASE: "))]
+@pytest.mark.parametrize("width", [60, 80, 130])
+def test_it_begins_with_the_summary_of_each_effect_and_brief_is_these_lines_alone(width: int):
+    brief = effects("--brief", width=width).stdout.splitlines()
+    lines = effects(width=width).stdout.splitlines()
+    brief, overview = ([*itertools.takewhile(lambda line: line[0] != "`", all_lines)] for all_lines in (brief, lines))
+    assert brief == overview
     assert told_of_each(overview) == summaries()
-
-
-def test_brief_is_these_lines_alone_and_keeps_them_whole_in_a_narrow_terminal():
-    lines = effects("--brief").stdout.splitlines()
-    assert told_of_each(lines) == summaries()
-    assert len(lines) <= len(CATALOGUE) + len(Enters) + 1
+    assert max(map(len, overview)) <= width
     assert "lag(u" not in effects("creep", "--brief").stdout
+
+
+@pytest.mark.parametrize("arguments", [(), ("--brief",)])
+def test_each_effect_has_one_line_where_nothing_says_how_wide_a_line_may_be(arguments: tuple[str, ...]):
+    lines = CliRunner(env={"COLUMNS": ""}).invoke(app, ["effects", *arguments]).stdout.splitlines()
+    for effect in CATALOGUE.values():
+        assert any(line.split(maxsplit=1) == [effect.id, effect.summary] for line in lines), effect.id
 
 
 def test_effects_stand_below_where_they_enter():
@@ -62,6 +74,25 @@ def test_a_name_gives_that_effect_alone_and_explains_what_its_equation_uses():
     assert "play(u; r):" not in text
     for other in CATALOGUE:
         assert (f"\n{other}\n" in text) == (other in ("creep", "soft-windup")), other
+
+
+@pytest.mark.parametrize("enters", list(Enters))
+def test_a_group_gives_its_effects_alone(enters: Enters):
+    wanted = [effect.id for effect in CATALOGUE.values() if effect.enters is enters]
+    for name in (str(enters), str(enters).replace(" ", "-"), str(enters).upper()):
+        assert list(told_of_each(effects(name, "--brief", width=200).stdout.splitlines())) == wanted
+    headings = [line for line in effects(str(enters)).stdout.splitlines() if line.split(": ")[0].isupper()]
+    assert [line.split(": ")[0] for line in headings] == [str(enters).upper()]
+
+
+def test_groups_and_effects_can_be_named_together():
+    records = json.loads(effects("motor-balance", "creep", "--json").stdout)["effects"]
+    balance = {effect.id for effect in CATALOGUE.values() if effect.enters is Enters.MOTOR_BALANCE}
+    assert {record["id"] for record in records} == {*balance, "creep"}
+
+
+def test_no_group_has_the_name_of_an_effect():
+    assert not {str(enters).replace(" ", "-") for enters in Enters} & set(CATALOGUE)
 
 
 def test_what_is_not_fitted_is_marked():
@@ -100,6 +131,7 @@ def test_json_of_one_effect():
         ("Kinematic_Error", "did you mean kinematic-error?"),
         ("eccentricity", "did you mean motor-encoder-eccentricity or output-encoder-eccentricity?"),
         ("gravity", "did you mean gravity-load?"),
+        ("motor_balance", "did you mean motor-balance"),
         ("xyz", "unknown."),
     ],
 )

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from rig.papers.item import Workbench
 from sim_backend.model.dc_motor import RPM, TABLE_2, DcMotor, motor_from_speeds, voltage_for
-from sim_backend.model.driven import DrivenRun, run_driven
+from sim_backend.model.driven import STEP, DrivenRun, run_driven
 from sim_backend.model.error_parts import ErrorParts, error_parts
 from sim_backend.model.fourier_error import FourierError
 from sim_backend.model.parameters import Rotation
@@ -34,6 +34,9 @@ PRINTED_ACCURACY = np.deg2rad(0.08)
 
 SECONDS = 4.0
 """Of every run: the record whose transform shows 10.25 Hz."""
+
+DRAWN = 500
+"""Samples in a motor turn that is drawn; 1 kHz makes 54 of the turn at 1120 rpm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +70,14 @@ def steady_run(series: FourierError, speed: float, *, seconds: float = SECONDS, 
 def four_speeds(_: Workbench) -> tuple[AtSpeed, ...]:
     """Run all four speeds with the chosen error."""
     return tuple(steady_run(CHOSEN_ERROR, speed) for speed in SPEEDS)
+
+
+def four_speeds_to_draw(_: Workbench) -> tuple[AtSpeed, ...]:
+    """Run all four speeds for two motor turns, with some 500 samples in each: what is drawn over a turn is round."""
+    return tuple(
+        steady_run(CHOSEN_ERROR, speed, seconds=2.0 * turn, period=STEP * round(turn / DRAWN / STEP))
+        for speed, turn in ((speed, 2.0 * np.pi / speed) for speed in SPEEDS)
+    )
 
 
 def four_speeds_order_2(_: Workbench) -> tuple[AtSpeed, ...]:

@@ -80,7 +80,7 @@ def typical_error(_: Workbench) -> Outcome:
     # every half period of order 2 is 25 samples: its largest magnitude is the envelope
     envelope = np.max(np.abs(error.reshape(-1, 25)), axis=1)
     cycles = int(np.argmax(np.abs(np.fft.rfft(envelope - envelope.mean()))))
-    figure, (axes,) = new_figure("Fig. 3: a typical kinematic error over one output turn")
+    figure, (axes,) = new_figure("Castejon 2009, Fig. 3: a typical kinematic error over one output turn")
     axes.plot(angle / N, error * 1e6, linewidth=0.6)
     label(axes, "output angle [rad]", "kinematic error [urad]")
     return Outcome(

@@ -14,13 +14,14 @@ from rig.papers.castejon2009.bench import (
     AtSpeed,
     four_speeds,
     four_speeds_order_2,
+    four_speeds_to_draw,
     paper_transmission,
     rpm,
     steady_run,
 )
 from rig.papers.castejon2009.spectra import amplitude_spectrum, highest_bin, line_order, order_spectrum
 from rig.papers.castejon2009.tables import double_counts
-from rig.papers.figures import label, new_figure
+from rig.papers.figures import label, new_figure, one_turn
 from rig.papers.item import Outcome, Row, Workbench
 from sim_backend.model.error_parts import flexible_share
 from sim_backend.model.fourier_error import FourierError, identify, pure_error
@@ -44,10 +45,11 @@ def fig_8(bench: Workbench) -> Outcome:
     at = bench.share(four_speeds)[0]
     found = identify(at.run.motor_position, at.parts.total)
     angle, turn = _first_turn(at)
-    figure, (axes,) = new_figure("Fig. 8: pure kinematic error at 310 rpm")
+    figure, (axes,) = new_figure("Castejon 2009, Fig. 8: pure kinematic error at 310 rpm")
     axes.plot(angle, at.parts.total[turn] * 1e6, ".", markersize=3, label="total, measured")
     axes.plot(angle, at.parts.pure[turn] * 1e6, label="pure")
     label(axes, "motor angle [rad]", "error [urad]")
+    one_turn(axes)
     dominant = float(np.argmax(found.amplitudes) + 1)
     return Outcome(
         (
@@ -61,13 +63,14 @@ def fig_8(bench: Workbench) -> Outcome:
 def fig_9(bench: Workbench) -> Outcome:
     """Draw the flexible part over one motor turn at all four speeds."""
     runs = bench.share(four_speeds)
-    figure, (axes,) = new_figure("Fig. 9: flexible part of the kinematic error")
+    figure, (axes,) = new_figure("Castejon 2009, Fig. 9: flexible part of the kinematic error")
     rows = []
-    for at in runs:
-        angle, turn = _first_turn(at)
-        axes.plot(angle, (at.parts.flexible[turn] - at.parts.flexible.mean()) * 1e6, label=rpm(at.speed))
+    for at, drawn in zip(runs, bench.share(four_speeds_to_draw), strict=True):
+        angle, turn = _first_turn(drawn)
+        axes.plot(angle, (drawn.parts.flexible[turn] - at.parts.flexible.mean()) * 1e6, label=rpm(at.speed))
         rows.append(Row(f"peak to peak at {rpm(at.speed)}", None, float(np.ptp(at.parts.flexible)), "rad", ""))
     label(axes, "motor angle [rad]", "flexible part less its mean [urad]")
+    one_turn(axes)
     growth = [float(np.ptp(b.parts.flexible) / np.ptp(a.parts.flexible)) for a, b in pairwise(runs)]
     phases = [_phase_of_order_2(at) for at in runs]
     rows += [
@@ -88,16 +91,19 @@ def fig_9(bench: Workbench) -> Outcome:
 def fig_10(bench: Workbench) -> Outcome:
     """Draw the load angle around the ideal line at 1120 rpm."""
     at = bench.share(four_speeds)[-1]
-    run, ratio = at.run, paper_transmission().ratio
-    shown = run.time <= 1.5 * TURN / at.speed
-    ideal = run.motor_position / ratio
-    figure, axes = new_figure("Fig. 10: load angle at 1120 rpm", panels=2)
-    axes[0].plot(run.time[shown], ideal[shown], label="ideal")
-    axes[0].plot(run.time[shown], (ideal - 100.0 * at.parts.total)[shown], label="real, deviation times 100")
+    run, drawn, ratio = at.run, bench.share(four_speeds_to_draw)[-1], paper_transmission().ratio
+    shown = drawn.run.time <= 1.5 * TURN / at.speed
+    time, ideal, total = (
+        values[shown] for values in (drawn.run.time, drawn.run.motor_position / ratio, drawn.parts.total)
+    )
+    figure, axes = new_figure("Castejon 2009, Fig. 10: load angle at 1120 rpm", panels=2)
+    axes[0].plot(time, ideal, label="ideal")
+    axes[0].plot(time, ideal - 100.0 * total, label="real, deviation times 100")
     label(axes[0], "time [s]", "load angle [rad]")
-    axes[1].plot(run.time[shown], -at.parts.total[shown] * 1e6, label="real less ideal")
+    axes[1].plot(time, -total * 1e6, label="real less ideal")
     flexible = at.parts.flexible - at.parts.flexible.mean()
-    axes[1].plot(run.time[shown], -100.0 * flexible[shown] * 1e6, label="its flexible part, times 100")
+    of_it = drawn.parts.flexible[shown] - at.parts.flexible.mean()
+    axes[1].plot(time, -100.0 * of_it * 1e6, label="its flexible part, times 100")
     label(axes[1], "time [s]", "deviation [urad]")
     waves = 2.0 * (float(run.motor_position[-1]) - float(run.motor_position[0])) / TURN
     crossings = _crossings(flexible)
@@ -117,12 +123,14 @@ def fig_11(bench: Workbench) -> Outcome:
     """Draw the parts of the kinematic error at 310 rpm."""
     at = bench.share(four_speeds)[0]
     angle, turn = _first_turn(at)
-    figure, axes = new_figure("Fig. 11: parts of the kinematic error at 310 rpm", panels=2)
+    figure, axes = new_figure("Castejon 2009, Fig. 11: parts of the kinematic error at 310 rpm", panels=2)
     axes[0].plot(angle, at.parts.total[turn] * 1e6, label="total")
     axes[0].plot(angle, at.parts.pure[turn] * 1e6, "--", label="pure")
     label(axes[0], "motor angle [rad]", "error [urad]")
     axes[1].plot(angle, at.parts.flexible[turn] * 1e6, label="flexible")
     label(axes[1], "motor angle [rad]", "error [urad]")
+    for panel in axes:
+        one_turn(panel)
     note = "0.02 rad is 14 times the 0.08 degrees of the same paper; not taken as a magnitude"
     return Outcome(
         (
@@ -140,10 +148,14 @@ def fig_12(bench: Workbench) -> Outcome:
     period = float(at.run.time[1])
     total = at.parts.total[:-1]
     frequency, amplitude = amplitude_spectrum(total, period)
-    figure, axes = new_figure("Fig. 12: spectrum of the kinematic error at 310 rpm", panels=2)
+    figure, axes = new_figure("Castejon 2009, Fig. 12: spectrum of the kinematic error at 310 rpm", panels=2)
     near = frequency <= 45.0
-    axes[0].plot(frequency[near], amplitude[near] * 1e6, ".-", linewidth=0.6, label="record of 4 s")
-    axes[0].axvline(PRINTED_LINE, color="0.6", linewidth=0.8, label="printed 10.25 Hz")
+    twice, closer = 2.0 * at.speed / TURN, axes[0].inset_axes((0.48, 0.3, 0.49, 0.42), xlim=(9.3, 11.2))
+    for panel in (axes[0], closer):
+        panel.plot(frequency[near], amplitude[near] * 1e6, ".-", linewidth=0.6, label="record of 4 s")
+        panel.axvline(PRINTED_LINE, color="0.3", linewidth=0.8, label=f"printed {PRINTED_LINE:.2f} Hz")
+        panel.axvline(twice, color="C3", linestyle="--", linewidth=0.8, label=f"twice the speed, {twice:.2f} Hz")
+    closer.tick_params(labelsize=7)
     label(axes[0], "frequency [Hz]", "amplitude [urad]")
     orders = np.linspace(0.2, 8.0, 1000)
     axes[1].plot(orders, order_spectrum(at.run.motor_position, at.parts.total, orders) * 1e6, label="over the angle")
@@ -180,13 +192,17 @@ def conclusions(bench: Workbench) -> Outcome:
     of_order_2 = [flexible_share(at.parts) for at in alone]
     doubled = double_counts(runs)
     rpms = [at.speed * 60.0 / TURN for at in runs]
-    figure, axes = new_figure("Share of the flexible part against speed", panels=2)
+    figure, axes = new_figure("Castejon 2009, conclusions: share of the flexible part against speed", panels=2)
     axes[0].plot(rpms, np.array(of_order_2) * 100.0, "o-", label="order 2 alone")
     axes[0].plot(rpms, np.array(shares) * 100.0, "s-", label="all orders")
+    axes[0].plot(rpms[0], PRINTED_SHARE * 100.0, "kv", label="printed, at most 5 %")
+    axes[0].set_yscale("log")
+    ticks = (0.03, 0.1, 0.3, 1.0, 5.0)
+    axes[0].set_yticks(ticks, labels=[f"{tick:g}" for tick in ticks])
     label(axes[0], "motor speed [rpm]", "flexible part [% of total]")
     axes[1].plot(rpms, np.array(doubled) * 1e6, "o-", label="N tau_m / K, counted twice by (27)")
-    axes[1].plot(rpms, [np.ptp(at.parts.flexible) * 1e6 for at in runs], "s-", label="flexible part")
-    label(axes[1], "motor speed [rpm]", "[urad]")
+    axes[1].plot(rpms, [np.ptp(at.parts.flexible) * 1e6 for at in runs], "s-", label="flexible part, peak to peak")
+    label(axes[1], "motor speed [rpm]", "angle at the output [urad]")
     rows = [
         Row(f"share at {rpm(runs[0].speed)}, at most", PRINTED_SHARE, shares[0], "", "all orders"),
         Row("share grows with speed", "yes", "yes" if all(np.diff(shares) > 0.0) else "no"),

@@ -12,6 +12,7 @@ import numpy as np
 from rig.papers.figures import label, new_figure
 from rig.papers.item import Outcome, Row, Workbench
 from rig.papers.zhang2014.bench import Branch, branches, record
+from rig.papers.zhang2014.colors import MEASURED, MODEL_COLORS
 from rig.papers.zhang2014.drive import BACKDRIVING_TORQUE, HYSTERESIS_LOSS, RATED_TORQUE, RATIO, paper_drive
 from rig.papers.zhang2014.rivals import PIECEWISE, PRINTED, PROPOSED, Misfit, misfit, rivals
 from sim_backend.model.friction import backdriving_torque
@@ -58,8 +59,8 @@ def with_starting_friction(bench: Workbench) -> Backdriven:
 def torque_history(bench: Workbench) -> Outcome:
     """Draw Fig. 13."""
     sweep = bench.share(with_printed_friction).sweep
-    figure, (axes,) = new_figure("Fig. 13: external torque on the output")
-    axes.plot(sweep.time, sweep.output_torque, linewidth=0.7)
+    figure, (axes,) = new_figure("Zhang 2014, Fig. 13: external torque on the output")
+    axes.plot(sweep.time, sweep.output_torque, color=MEASURED, linewidth=0.7)
     label(axes, "time [s]", "output torque [N*m]")
     return Outcome(
         (
@@ -74,9 +75,10 @@ def loop(bench: Workbench) -> Outcome:
     """Draw Fig. 14 and give the hysteresis loss Psi, with both levels of friction."""
     case = bench.share(with_printed_friction)
     sweep, found = case.sweep, case.misfits[PROPOSED]
-    figure, (axes,) = new_figure("Fig. 14: output torque against torsion")
-    axes.plot(1e3 * sweep.torsion, sweep.output_torque, ".", markersize=1.0, label="measured")
-    axes.plot(1e3 * (sweep.torsion - found.error), sweep.output_torque, linewidth=0.8, label=PROPOSED)
+    figure, (axes,) = new_figure("Zhang 2014, Fig. 14: output torque against torsion")
+    axes.plot(1e3 * sweep.torsion, sweep.output_torque, ".", markersize=1.0, color=MEASURED, label="measured")
+    predicted = 1e3 * (sweep.torsion - found.error)
+    axes.plot(predicted, sweep.output_torque, color=MODEL_COLORS[PROPOSED], linewidth=0.8, label=PROPOSED)
     label(axes, "torsion [mrad]", "output torque [N*m]")
     balance = float(np.sqrt(np.mean((case.wave_generator_torque + sweep.motor_torque) ** 2)))
     return Outcome(

@@ -17,6 +17,7 @@ from rig.loop.trace import trace
 from rig.papers.figures import label, new_figure
 from rig.papers.item import Outcome, Row, Workbench
 from rig.papers.zhang2014.bench import Floats, Recorded, branches, paper_dut, record
+from rig.papers.zhang2014.colors import MODEL_COLORS, TRACED
 from rig.papers.zhang2014.locked_output import (
     ORDER,
     PEAK,
@@ -72,7 +73,7 @@ def next_column(bench: Workbench) -> Outcome:
     found = bench.share(closed)
     falling = branches(found.run)[1]
     before = {name: misfit(rivals()[name], falling, -falling.motor_torque) for name in (PIECEWISE, PROPOSED)}
-    columns = {**before, "traced": found.traced}
+    columns = {**before, TRACED: found.traced}
     rows = [
         Row(f"{what} error, {name}", table.get(name), getattr(columns[name], key), "rad", _note(name))
         for what, key, table in (("rms", "rms", PRINTED_RMS), ("largest", "largest", PRINTED_LARGEST))
@@ -90,7 +91,7 @@ def next_column(bench: Workbench) -> Outcome:
 
 
 def _note(name: str) -> str:
-    return "the next column: (28) with the traced effect, all refitted to other runs" if name == "traced" else ""
+    return "the next column: (28) with the traced effect, all refitted to other runs" if name == TRACED else ""
 
 
 def _said(result: LoopResult) -> str:
@@ -111,8 +112,9 @@ def _parameters(result: LoopResult, amplitude: float) -> list[Row]:
 
 
 def _draw(angle: Floats, columns: dict[str, Misfit]) -> Figure:
-    figure, (axes,) = new_figure("After Fig. 12(b): the next column")
+    figure, (axes,) = new_figure("After Zhang 2014, Fig. 12(b): the next column")
     for name, found in columns.items():
-        axes.plot(angle, 1e6 * found.error, linewidth=0.7, label=f"{name}, rms {1e6 * found.rms:.3g} urad")
+        told = f"{name}, rms {1e6 * found.rms:.3g} urad"
+        axes.plot(angle, 1e6 * found.error, color=MODEL_COLORS[name], linewidth=0.7, label=told)
     label(axes, "motor position [rad]", "error [urad]")
     return figure

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from rig.papers.figures import label, new_figure
 from rig.papers.item import Grid, Outcome, Row, Workbench
 from rig.papers.zhang2014.bench import Branch, Recorded, branches, record
+from rig.papers.zhang2014.colors import MEASURED, MEASURED_BESIDES, MODEL_COLORS
 from rig.papers.zhang2014.drive import (
     HYSTERESIS_LOSS,
     RATED_TORQUE,
@@ -174,8 +175,8 @@ BENCHES: Mapping[str, Callable[[Workbench], Measured]] = {
 def torque_history(bench: Workbench) -> Outcome:
     """Draw Fig. 10."""
     branch = bench.share(as_proposed).branch
-    figure, (axes,) = new_figure("Fig. 10: motor torque")
-    axes.plot(branch.time - branch.time[0], 1e3 * branch.motor_torque)
+    figure, (axes,) = new_figure("Zhang 2014, Fig. 10: motor torque")
+    axes.plot(branch.time - branch.time[0], 1e3 * branch.motor_torque, color=MEASURED)
     label(axes, "time [s]", "motor torque [mN*m]")
     drawn = np.polynomial.Polynomial.fit(branch.time, branch.motor_torque, 1)
     wander = float(np.max(np.abs(branch.motor_torque - drawn(branch.time))))
@@ -197,13 +198,16 @@ def loop(bench: Workbench) -> Outcome:
     case = bench.share(with_kinematic_error)
     falling, found, model = case.branch, case.misfits[PROPOSED], rivals()[PROPOSED]
     zero = float(np.mean(falling.torsion - predicted(model, falling.output_torque, -falling.motor_torque)))
-    figure, (axes,) = new_figure("Fig. 11: motor torque against torsion")
-    for branch, name, color in ((falling, "as in the paper, falling", "C0"), (case.rising, "rising", "0.75")):
+    figure, (axes,) = new_figure("Zhang 2014, Fig. 11: motor torque against torsion")
+    for branch, name, color in (
+        (falling, "as in the paper, falling", MEASURED),
+        (case.rising, "rising", MEASURED_BESIDES),
+    ):
         shown = 1e3 * branch.torsion, 1e3 * branch.motor_torque
         axes.plot(*shown, ".", markersize=1.0, color=color, label=f"measured, {name}")
     for branch, name in ((falling, PROPOSED), (case.rising, "")):
         shown = 1e3 * (zero + predicted(model, branch.output_torque, -branch.motor_torque)), 1e3 * branch.motor_torque
-        axes.plot(*shown, color="C1", linewidth=0.8, label=name or None)
+        axes.plot(*shown, color=MODEL_COLORS[PROPOSED], linewidth=0.8, label=name or None)
     label(axes, "torsion [mrad]", "motor torque [mN*m]")
     return Outcome(
         (
@@ -274,13 +278,15 @@ def _correlation(case: Measured) -> Row:
 
 
 def _draw(case: Measured) -> Figure:
-    figure, (over_time, over_angle) = new_figure("Fig. 12: error of the estimated torsion", 2)
+    figure, (over_time, over_angle) = new_figure("Zhang 2014, Fig. 12: error of the estimated torsion", 2)
     branch = case.branch
     for model, found in case.misfits.items():
         if model not in (PRINTED, LINES_AND_WAVE_GENERATOR):
-            over_time.plot(branch.time - branch.time[0], 1e6 * found.error, linewidth=0.7, label=model)
+            time, color = branch.time - branch.time[0], MODEL_COLORS[model]
+            over_time.plot(time, 1e6 * found.error, color=color, linewidth=0.7, label=model)
     for model in (PIECEWISE, PROPOSED):
-        over_angle.plot(branch.motor_position, 1e6 * case.misfits[model].error, linewidth=0.7, label=model)
+        error, color = case.misfits[model].error, MODEL_COLORS[model]
+        over_angle.plot(branch.motor_position, 1e6 * error, color=color, linewidth=0.7, label=model)
     label(over_time, "time [s]", "error [urad]")
     label(over_angle, "motor position [rad]", "error [urad]")
     return figure

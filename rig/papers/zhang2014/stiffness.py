@@ -4,6 +4,7 @@ import numpy as np
 
 from rig.papers.figures import label, new_figure
 from rig.papers.item import Grid, Outcome, Row, Workbench
+from rig.papers.zhang2014.colors import LAW_COLORS, MODEL_COLORS, PRINTED_COLOR
 from rig.papers.zhang2014.drive import (
     HYSTERESIS_LOSS,
     K1,
@@ -16,10 +17,12 @@ from rig.papers.zhang2014.drive import (
     flexspline_parameters,
     paper_drive,
 )
+from rig.papers.zhang2014.rivals import PIECEWISE, PROPOSED
 from sim_backend.model.compliance import LAWS, Compliance, flexspline_torsion, total_torsion
 from sim_backend.model.friction import play
 
 PRINTED_LAW = "arctan, C_F as printed"
+COLORS = {**LAW_COLORS, PRINTED_LAW: PRINTED_COLOR}
 TORQUE = np.linspace(0.0, RATED_TORQUE, 801)
 
 Curve = tuple[str, Compliance, tuple[float, ...]]
@@ -41,9 +44,10 @@ def typical_curve(_: Workbench) -> Outcome:
     flexspline = flexspline_torsion(torque, drive.K_F0, drive.C_F)
     torsion = total_torsion(flexspline, -motor / drive.ratio, drive.ratio, drive.K_w0, drive.C_w)
     lines = flexspline_parameters(Compliance.PIECEWISE)
-    figure, axes = new_figure("Fig. 2: typical stiffness and hysteresis curve", panels=2)
-    axes[0].plot(1e3 * torsion, torque, label="(a) locked drive, (28)")
-    axes[1].plot(1e3 * LAWS[Compliance.PIECEWISE].torsion(TORQUE, *lines), TORQUE, label="(b) three lines (11)")
+    figure, axes = new_figure("Zhang 2014, Fig. 2: typical stiffness and hysteresis curve", panels=2)
+    axes[0].plot(1e3 * torsion, torque, color=MODEL_COLORS[PROPOSED], label="(a) locked drive, (28)")
+    by_lines = 1e3 * LAWS[Compliance.PIECEWISE].torsion(TORQUE, *lines)
+    axes[1].plot(by_lines, TORQUE, color=MODEL_COLORS[PIECEWISE], label="(b) three lines (11)")
     for one in axes:
         label(one, "torsion [mrad]", "output torque [N*m]")
     turn = int(np.argmin(torque))
@@ -65,11 +69,11 @@ def typical_curve(_: Workbench) -> Outcome:
 
 def local_stiffness(_: Workbench) -> Outcome:
     """Draw Fig. 7."""
-    figure, (axes,) = new_figure("Fig. 7: local elastic coefficient")
+    figure, (axes,) = new_figure("Zhang 2014, Fig. 7: local elastic coefficient")
     at = np.array([0.5 * T1, 0.5 * (T1 + T2), RATED_TORQUE])
     found = {}
     for name, law, values in _curves():
-        axes.plot(TORQUE, 1e-3 * LAWS[law].stiffness(TORQUE, *values), label=name)
+        axes.plot(TORQUE, 1e-3 * LAWS[law].stiffness(TORQUE, *values), color=COLORS[name], label=name)
         found[name] = LAWS[law].stiffness(at, *values).tolist()
     label(axes, "output torque [N*m]", "local stiffness [kN*m/rad]")
     note = "the printed C_F does not return the catalogue it comes from"
@@ -87,10 +91,10 @@ def local_stiffness(_: Workbench) -> Outcome:
 
 def torsion_curves(_: Workbench) -> Outcome:
     """Draw Fig. 8, and say how far the laws lie apart; the paper says that they match."""
-    figure, (axes,) = new_figure("Fig. 8: stiffness curves of the flexspline")
+    figure, (axes,) = new_figure("Zhang 2014, Fig. 8: stiffness curves of the flexspline")
     curves = {name: LAWS[law].torsion(TORQUE, *values) for name, law, values in _curves()}
     for name, torsion in curves.items():
-        axes.plot(1e3 * torsion, TORQUE, label=name)
+        axes.plot(1e3 * torsion, TORQUE, color=COLORS[name], label=name)
     label(axes, "torsion [mrad]", "output torque [N*m]")
     known = TORQUE <= T2
     lines = curves[Compliance.PIECEWISE]

@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 
 from rig.papers.figures import label, new_figure
 from rig.papers.item import Outcome, Row, Workbench
+from rig.papers.zhang2014.colors import MODEL_COLORS, TWO_SPRINGS
 from rig.papers.zhang2014.drive import RATED_TORQUE, paper_drive
+from rig.papers.zhang2014.rivals import PROPOSED
 from sim_backend.model.compliance import flexspline_torsion, total_torsion
 from sim_backend.model.friction import play
 from sim_backend.model.parameters import PlantConfig
@@ -35,7 +37,7 @@ def spring_forces(bench: Workbench) -> Outcome:
     """Draw Fig. 5: the force of spring b over that of spring a."""
     springs = analogue_of(paper_drive(), PlantConfig(paper_drive()).motor_inertia)
     mass, closed, cycle = _swept(springs, STEPS // 10 if bench.quick else STEPS)
-    figure, (axes,) = new_figure("Fig. 5: spring (b) against spring (a)")
+    figure, (axes,) = new_figure("Zhang 2014, Fig. 5: spring (b) against spring (a)")
     axes.plot(mass.F_a, mass.F_b, label="mass with dry friction")
     axes.plot(closed.F_a, closed.F_b, "--", label="play(F; F_fr)")
     label(axes, "F_a [N*m]", "F_b [N*m]")
@@ -59,9 +61,9 @@ def stiffness_curves(bench: Workbench) -> Outcome:
     torsion = total_torsion(
         flexspline_torsion(output, drive.K_F0, drive.C_F), -closed.F_a / drive.ratio, drive.ratio, drive.K_w0, drive.C_w
     )
-    figure, (axes,) = new_figure("Fig. 6: stiffness curves of both")
-    axes.plot(1e3 * mass.displacement[cycle], mass.F_b[cycle], label="two springs")
-    axes.plot(1e3 * torsion[cycle], output[cycle], label="harmonic drive, (28)")
+    figure, (axes,) = new_figure("Zhang 2014, Fig. 6: stiffness curves of both")
+    axes.plot(1e3 * mass.displacement[cycle], mass.F_b[cycle], color=TWO_SPRINGS, label="two springs")
+    axes.plot(1e3 * torsion[cycle], output[cycle], color=MODEL_COLORS[PROPOSED], label="harmonic drive, (28)")
     label(axes, "torsion [mrad]", "torque of spring b, at the output [N*m]")
     widths = [_width(x[cycle], output[cycle]) for x in (closed.displacement, torsion)]
     return Outcome(

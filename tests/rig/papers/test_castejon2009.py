@@ -34,6 +34,34 @@ def test_what_the_paper_draws_with_numbers_is_drawn(outcomes):
     }
 
 
+def test_the_title_of_every_figure_names_the_paper(outcomes):
+    for what, outcome in outcomes.items():
+        for figure in outcome.figures.values():
+            assert figure.get_suptitle().startswith(f"Castejon 2009, {what}: ")
+
+
+@pytest.mark.parametrize("what", ["Fig. 9", "Fig. 10"])
+def test_the_curves_over_a_motor_turn_have_no_corners(outcomes, what):
+    # the fastest speed makes 54 samples of a turn at 1 kHz; 500 are 70 in each wave of order 7
+    axes = outcomes[what].figures[""].axes
+    for line in (line for panel in axes for line in panel.lines):
+        assert len(line.get_xdata()) > 480
+    if what == "Fig. 9":
+        assert axes[0].get_xlim() == (0.0, 2.0 * math.pi)
+        for line in axes[0].lines:
+            assert line.get_xdata()[-1] >= 2.0 * math.pi
+
+
+def test_the_figures_mark_what_the_paper_prints(outcomes):
+    over_time, _ = outcomes["Fig. 12"].figures[""].axes
+    told = over_time.get_legend_handles_labels()[1]
+    assert ("printed 10.25 Hz" in told, "twice the speed, 10.33 Hz" in told) == (True, True)
+    shares, windup = outcomes["conclusions"].figures[""].axes
+    (printed,) = (line for line in shares.lines if "printed" in str(line.get_label()))
+    assert (printed.get_xdata()[0], printed.get_ydata()[0]) == pytest.approx((310.0, 5.0))
+    assert windup.get_ylabel() == "angle at the output [urad]"
+
+
 def test_every_row_says_something_that_can_be_read(outcomes):
     for outcome in outcomes.values():
         assert outcome.rows

@@ -4,12 +4,14 @@ import json
 
 import pytest
 from rich.console import Console
+from typer.testing import CliRunner
 
 from drivers.errors import ConfigError
-from rig.commands.papers import grid_table, rows_table
+from rig.cli import app
+from rig.commands.papers import grid_table, papers_command, rows_table
 from rig.papers.figures import label, new_figure
 from rig.papers.item import Grid, Item, Outcome, Row, Workbench
-from rig.papers.registry import ITEMS, choose, command, file_name
+from rig.papers.registry import ITEMS, LONGEST_STEM, choose, command, file_name, report_stem
 from rig.papers.report import Done, cells, run_items, to_json, to_markdown, write_report
 
 
@@ -56,7 +58,7 @@ def test_a_name_means_a_paper_or_an_item_or_how_one_begins(names, meant):
 
 @pytest.mark.parametrize("name", ["fig2", "", "--", "zhang"])
 def test_a_name_that_means_nothing_is_refused_with_what_there_is(name):
-    with pytest.raises(ConfigError, match="two2002/eq31-35"):
+    with pytest.raises(ConfigError, match="one2001 has fig1, fig12; two2002 has eq31 to eq35"):
         choose([name], SOME)
 
 
@@ -69,10 +71,41 @@ def test_every_item_has_a_name_and_a_file_of_its_own():
 def test_the_names_in_the_refusal_are_names():
     with pytest.raises(ConfigError) as refused:
         choose(["nothing"])
-    names = str(refused.value).split("expected one of ")[1].rstrip(".").split(", ")
-    papers, parts = ([name for name in names if ("/" in name) is part] for part in (False, True))
-    assert [choose([name]) for name in parts] == [(item,) for item in ITEMS]
-    assert [item for name in papers for item in choose([name])] == list(ITEMS)
+    chosen = set()
+    for told in str(refused.value).split("unknown; ")[1].rstrip(".").split("; "):
+        paper, parts = told.split(" has ")
+        for part in parts.split(", "):
+            first, last = (part.split(" to ") * 2)[:2]
+            kind = first.rstrip("0123456789")
+            numbers = first.removeprefix(kind), last.removeprefix(kind)
+            names = [f"{kind}{n}" for n in range(int(numbers[0]), int(numbers[1]) + 1)] if numbers[0] else [kind]
+            for name in names:
+                (item,) = choose([f"{paper}/{name}"])
+                chosen.add(item)
+    assert chosen == set(ITEMS)
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        (
+            "castejon2009/eq99",
+            "unknown (did you mean castejon2009/eq9?); castejon2009 has eq1 to eq40, fig1 to fig12, "
+            "table1, table2, conclusions",
+        ),
+        (
+            "zhang2014/eq0",
+            "zhang2014 has eq1 to eq36, fig1 to fig14, sec-v-t-fs, sec-v-t-fb, sec-v-parameters, beyond",
+        ),
+        ("both/two", "both has one-model"),
+        ("castejon2009/conclusion-s", "unknown (did you mean castejon2009/conclusions?); castejon2009 has eq1 to eq40"),
+    ],
+)
+def test_an_unknown_part_of_a_paper_is_answered_shortly_with_what_that_paper_has(name, told):
+    with pytest.raises(ConfigError) as refused:
+        choose([name])
+    assert told in str(refused.value)
+    assert len(str(refused.value)) < 220
 
 
 def test_a_misspelt_name_is_answered_with_one_that_is_near():
@@ -94,6 +127,42 @@ def test_a_row_s_command_names_its_own_part_of_the_item():
 @pytest.mark.parametrize("name", ["zhang2014/eq10", "zhang2014/eq28", "castejon2009/eq35", "castejon2009/eq6"])
 def test_every_equation_of_a_paper_is_a_name(name):
     assert len(choose([name])) == 1
+
+
+@pytest.mark.parametrize(
+    ("names", "stem"),
+    [
+        ([], ""),
+        (["zhang2014", "castejon2009", "both"], ""),
+        (["both"], "both"),
+        (["zhang"], "zhang2014"),
+        (["castejon2009/eq35"], "castejon2009-eq35"),
+        (["Castejon2009 eq. (35)"], "castejon2009-eq35"),
+        (["table"], "castejon2009-table"),
+        (["Table 1", "castejon2009/table1"], "castejon2009-table1"),
+        (["fig12"], "zhang2014-castejon2009-fig12"),
+        (["zhang2014/sec-v-t-fs", "castejon2009/fig9"], "zhang2014-sec-v-t-fs+castejon2009-fig9"),
+    ],
+)
+def test_the_report_on_a_part_is_named_after_it(names, stem):
+    assert report_stem(names) == stem
+
+
+def test_many_parts_have_a_name_that_a_file_can_have_and_no_other_parts_have():
+    names = [f"zhang2014/eq{n}" for n in range(1, 37)]
+    stems = {report_stem(names), report_stem(names[:-1])}
+    assert len(stems) == 2
+    assert max(map(len, stems)) == LONGEST_STEM + len("-12345678")
+
+
+def test_a_part_leaves_the_table_of_a_full_run_as_it_is(tmp_path):
+    full = {tmp_path / name: f"full {name}" for name in ("table.md", "results.json")}
+    for file, text in full.items():
+        file.write_text(text)
+    papers_command(("castejon2009/eq1", "table1"), tmp_path, quick=True, as_json=True)
+    assert {file: file.read_text() for file in full} == full
+    assert "castejon2009/eq1" in (tmp_path / "castejon2009-eq1+castejon2009-table1.md").read_text()
+    assert json.loads((tmp_path / "castejon2009-eq1+castejon2009-table1.json").read_text())["items"]
 
 
 def test_shared_work_is_done_once(tmp_path):
@@ -129,6 +198,14 @@ def test_figures_results_and_table_are_written(tmp_path):
     assert f"| `{again}` |" in table.read_text()
     assert "a \\| b" in table.read_text()
     assert "![An example](one2001-fig-1.png)" in table.read_text()
+
+
+@pytest.mark.parametrize(("columns", "widest"), [("80", 80), ("100", 100), ("300", 120), ("", 120), ("0", 120)])
+def test_a_table_that_is_piped_keeps_to_the_columns_that_the_environment_tells(columns, widest, tmp_path):
+    runner = CliRunner(env={"COLUMNS": columns})
+    answer = runner.invoke(app, ["papers", "castejon2009/eq26", "-o", str(tmp_path)])
+    assert answer.exit_code == 0
+    assert max(map(len, answer.stdout.splitlines())) == widest
 
 
 LONG = "what stands beside a number and takes more room than a line of the table has left"

@@ -10,10 +10,12 @@ from rig.papers.item import Workbench
 from rig.papers.report import cells, run_items
 from rig.papers.zhang2014 import ITEMS, backdrive, decomposition, locked_output, stiffness, thresholds, two_springs
 from rig.papers.zhang2014.bench import paper_dut
+from rig.papers.zhang2014.closing import _draw
+from rig.papers.zhang2014.colors import MEASURED, MEASURED_BESIDES, TRACED
 from rig.papers.zhang2014.drive import paper_drive
 from rig.papers.zhang2014.laws import backdriving_logic, laws, older_laws
 from rig.papers.zhang2014.parameters import parameters
-from rig.papers.zhang2014.rivals import CUBIC, LINES_AND_WAVE_GENERATOR, PIECEWISE, PRINTED, PROPOSED
+from rig.papers.zhang2014.rivals import CUBIC, LINES_AND_WAVE_GENERATOR, PIECEWISE, PRINTED, PROPOSED, misfit_of
 from rig.papers.zhang2014.torque_balance import configurations
 from sim_backend.model.parameters import PlantConfig
 from tests.rig.papers.page import PAGES, rows_of_page, without_numbers
@@ -44,6 +46,38 @@ def rms(case) -> dict[str, float]:
 def test_every_item_is_of_the_paper_and_says_what_it_is():
     assert {item.paper for item in ITEMS} == {"zhang2014"}
     assert all(item.title for item in ITEMS)
+
+
+LAWS = ("cubic", "piecewise", "arctan, C_F as printed", "arctan", "proposed (28)", "traced", "measured", "three lines")
+
+
+def test_a_law_has_one_colour_in_all_figures(bench):
+    traced = misfit_of(np.zeros(2))
+    figures = [
+        *(stiffness.typical_curve(bench).figures.values()),
+        *(stiffness.local_stiffness(bench).figures.values()),
+        *(stiffness.torsion_curves(bench).figures.values()),
+        *(locked_output.loop(bench).figures.values()),
+        *(locked_output.errors(bench).figures.values()),
+        *(backdrive.loop(bench).figures.values()),
+        _draw(np.zeros(2), dict.fromkeys((PIECEWISE, PROPOSED, TRACED), traced)),
+    ]
+    colors: dict[str, set[str]] = {}
+    for line in (line for figure in figures for axes in figure.axes for line in axes.lines):
+        named = [law for law in LAWS if law in str(line.get_label())]
+        if named:
+            colors.setdefault(named[0], set()).add(line.get_color())
+    colors["arctan"] |= colors.pop("proposed (28)")
+    colors["piecewise"] |= colors.pop("three lines")
+    assert colors.pop("measured") == {MEASURED, MEASURED_BESIDES}
+    assert all(len(used) == 1 for used in colors.values()), colors
+    assert len(set.union(*colors.values())) == len(colors) == 5
+
+
+def test_the_title_of_every_figure_names_the_paper(bench):
+    for draw in (stiffness.local_stiffness, two_springs.spring_forces, locked_output.loop, backdrive.torque_history):
+        for figure in draw(bench).figures.values():
+            assert figure.get_suptitle().startswith("Zhang 2014, Fig. ")
 
 
 # ---- closed forms
