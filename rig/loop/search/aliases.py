@@ -26,6 +26,9 @@ SPEED_ERROR = 2e-6
 HARMONICS = 3
 """Harmonics of an encoder's sawtooth that are looked at."""
 
+SAWTOOTH = 1.3
+"""How much larger than the line of a sawtooth one may come out, with noise, and still be its."""
+
 LEAST_PASSING = 0.1
 """Counts a second below which a shaft is held."""
 
@@ -97,6 +100,30 @@ def beats(order: float, items: Sequence[LinearPiece], variable: str, legs: Seque
     """Whether a line is an encoder's counts beating with the samples: a sawtooth of the angle, not a cause."""
     counts = _counts(items, variable)
     return counts is not None and any(alike(order, m * counts, legs) for m in range(1, HARMONICS + 1))
+
+
+def small_beats(
+    order: float, amplitude: float, items: Sequence[LinearPiece], variable: str, legs: Sequence[Sampling]
+) -> bool:
+    """Whether a line of the torsion is no larger than a count makes it, and beats with the samples of the longest leg.
+
+    amplitude: rad at the output. The sawtooth of a step q has lines of q / (m pi). Either encoder counts, also along
+    the other's angle; other legs need not show it, as each folds the counts to another order.
+    """
+    if not legs or not items:
+        return False
+    ratio, longest = items[0].evaluation.ratio, max(legs, key=lambda leg: leg.turns)
+    turns = {"motor_position": 1.0, "output_position": 1.0 / ratio}
+    for signal, rate in turns.items():
+        counts = _counts(items, signal)
+        if counts is None:
+            continue
+        step = 2.0 * math.pi / counts * (1.0 / ratio if signal == "motor_position" else 1.0)
+        per_turn = counts * rate / turns[variable]
+        for m in range(1, HARMONICS + 1):
+            if amplitude < SAWTOOTH * step / (m * math.pi) and alike(order, m * per_turn, (longest,)):
+                return True
+    return False
 
 
 def counts_pass(frequency: float, items: Sequence[LinearPiece], counts: Mapping[str, float]) -> bool:

@@ -18,7 +18,7 @@ from rig.loop.model.equations import Equation, Piece
 from rig.loop.model.shapes import ShapeClass
 from rig.loop.model.terms import Entry, Line, TermClass
 from rig.loop.result import Candidate, Verdict
-from rig.loop.search.aliases import aliases, beats, counts_pass, likeliest, samplings
+from rig.loop.search.aliases import aliases, beats, counts_pass, likeliest, samplings, small_beats
 from rig.loop.search.compliance_form import other_compliance
 from rig.loop.search.contenders import by_joint_fit
 from rig.loop.search.lines import USUAL_HIGHEST_ORDER, refine
@@ -328,6 +328,18 @@ def _candidates(ground: Ground, known: Mapping[str, float]) -> list[_Candidate]:
     return sorted(found, key=lambda candidate: -candidate.trial.gain)
 
 
+def _angle_at_output(trial: Trial, kind: TermClass, ground: Ground) -> float:
+    """Give the largest angle, rad at the output, that a line of the torsion makes while the drive turns."""
+    size, turning = float(np.linalg.norm(trial.amplitudes)), [i for i in ground.fit.linear if i.piece.track.moves]
+    match kind.entry:
+        case Entry.MOTOR_ANGLE:
+            return size / ground.fit.linear[0].evaluation.ratio
+        case Entry.TORSION_TIMES_TORQUE:
+            return size * max((float(np.abs(item.evaluation.torque).max()) for item in turning), default=0.0)
+        case _:
+            return size
+
+
 def _judge(
     pieces: Sequence[Piece],
     ground: Ground,
@@ -354,6 +366,10 @@ def _judge(
         and beats(proposal.order, ground.fit.linear, proposal.kind.variable, legs)
     ):
         why = "it is the encoder's counts beating with the samples"
+    if not why and proposal.kind.is_angle and proposal.kind.fixed_order is None:
+        size = _angle_at_output(trial, proposal.kind, ground)
+        if small_beats(proposal.order, size, ground.fit.linear, proposal.kind.variable, legs):
+            why = "it is no larger than what an encoder's counts make, and beats with the samples as they do"
     # a strong term bends the base so far that only a joint refit can tell whether it pays
     if why or (unpaid and not large):
         return candidate.unadded(candidate.p_value, why or unpaid) if significant else None
