@@ -13,7 +13,7 @@ from rig.log.importer import import_files
 from rig.log.load import load_run, load_runs
 from rig.log.mcap_reader import AT_IMPORT
 from rig.log.recover import recover
-from rig.log.run import Run
+from rig.log.run import ENDINGS, Run
 from rig.log.show import Summary, describe
 from rig.terminal import emit, tell
 
@@ -82,6 +82,15 @@ def _print_files(files: list[Path], as_json: bool) -> None:
         print(path)
 
 
+def _outcome(summary: Summary) -> str:
+    """Say how the run ended and why; what did not go as planned in capitals."""
+    if summary.status is None:
+        return "not recorded"
+    if summary.status == "done":
+        return f"done: {ENDINGS['done']}"
+    return f"{summary.status.upper()}: {summary.reason or ENDINGS.get(summary.status, 'no reason recorded')}"
+
+
 def _print_summary(summary: Summary) -> None:
     console = Console()
 
@@ -92,7 +101,8 @@ def _print_summary(summary: Summary) -> None:
     line("procedure", summary.procedure)
     rate = f" at {summary.rate:.6g} Hz" if summary.rate is not None else ""
     line("samples", f"{summary.samples} over {summary.duration:.3f} s{rate}")
-    line("complete", "yes" if summary.complete else "NO: the log was cut off")
+    line("outcome", _outcome(summary))
+    line("file", "complete: it was closed" if summary.complete else "NOT complete: the log was cut off")
     if summary.late is not None or summary.missing is not None:
         line("cycles", f"{summary.late or 0} late, {summary.missing or 0} missing")
     if summary.replicate is not None:

@@ -13,7 +13,7 @@ from drivers.clock import Clock, RealClock
 from drivers.errors import DataError
 from rig.config.catalogue import doubts
 from rig.config.dut import Dut
-from rig.log.run import ProcedureName, Run
+from rig.log.run import ProcedureName, Run, endings
 from rig.loop.campaign import LoopOptions, split_runs
 from rig.loop.files.model_file import Model as ModelFile
 from rig.loop.fitting.fit import BLOCK, Fit, fit, fit_stably, reweighted
@@ -108,6 +108,7 @@ def trace(
     steps = steps_of(selection.decisions, final, base, dut, changes)
     entries = [decision.kind.enters for decision in selection.decisions]
     warnings = (
+        *endings(runs),
         *campaign.warnings,
         *_doubts(final),
         *_remarks([*train, *held_out], runs, dut, final.model),

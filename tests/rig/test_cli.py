@@ -113,6 +113,39 @@ def test_show_prints_what_the_log_holds(campaign):
     assert json.loads(rig("show", run.file, "--json").stdout)["samples"] == len(run.time)
 
 
+def aborted(path: Path) -> Path:
+    """Write a log whose run was aborted in the middle of a sweep."""
+    writer = LogWriter(path, {"run_id": "1", "procedure": "free-run"}, attachments={}, cycle_rate=1000, epoch_ns=0)
+    for cycle in range(3000):
+        angle = 0.02 * max(cycle - 500, 0)
+        writer.write(
+            Sample(
+                time=1e-3 * cycle, cycle=cycle, motor_position=angle, output_position=-angle / 100, motor_torque=0.01
+            )
+        )
+    writer.close({"status": "aborted", "error": "Aborted by SIGINT in 'sweep'. Reaction: ramp."})
+    return path
+
+
+def test_show_tells_at_the_top_how_the_run_ended_beside_whether_the_file_was_closed(campaign, tmp_path):
+    lines = rig("show", aborted(tmp_path / "a.mcap")).stdout.splitlines()
+    assert lines[3] == "outcome      ABORTED: Aborted by SIGINT in 'sweep'. Reaction: ramp."
+    assert lines[4] == "file         complete: it was closed"
+    (run,) = load_runs([campaign])
+    assert rig("show", run.file).stdout.splitlines()[3] == "outcome      done: went as planned"
+
+
+def test_a_prediction_of_an_aborted_run_says_that_it_was_aborted(tmp_path):
+    base = ModelBase(model="zhang-2014", ratio=100.0, parameters={})
+    write_model(Model(schema="rig.model/1", dut=default_dut()[0], base=base, software="0"), tmp_path / "model.json")
+    told = "a: the run was aborted (Aborted by SIGINT in 'sweep')."
+    arguments = ("predict", tmp_path / "model.json", aborted(tmp_path / "a.mcap"), "-o", tmp_path / "out")
+    answer = rig(*arguments)
+    assert answer.exit_code == 0, answer.stderr
+    assert f"! {told}" in answer.stderr.splitlines()
+    assert json.loads(rig(*arguments, "--json").stdout)["warnings"] == [told]
+
+
 @pytest.mark.parametrize("kind", ["hdf5", "csv"])
 def test_export_writes_one_file_per_run(campaign, tmp_path, kind):
     answer = rig("export", campaign, "--to", kind, "-o", tmp_path, "--json")

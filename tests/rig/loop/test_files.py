@@ -17,7 +17,7 @@ from rig.loop.predict import predict_run, write_predictions
 from rig.loop.result import LoopResult
 from rig.loop.table import remaining_table, text_of
 from rig.loop.trace import trace
-from tests.rig.loop.runs import dut, turning_run
+from tests.rig.loop.runs import dut, make_run, turning_run
 
 
 @cache
@@ -38,6 +38,15 @@ def test_a_device_file_that_contradicts_itself_is_a_warning() -> None:
     (told,) = (warning for warning in warnings if "doubtful" in warning)
     assert "T1/K1 is 4.64e-05 rad, usually 0.00015 to 0.002 rad" in told
     assert not any("doubtful" in warning for warning in result().warnings)
+
+
+def test_an_aborted_run_is_a_warning() -> None:
+    broken_off = {"outcome.status": "aborted", "outcome.error": "Aborted by SIGINT. Reaction: ramp."}
+    a, c = turning_run("a", 0), turning_run("c", 2)
+    runs = [make_run("a", "free-run", a.time, a.signals, metadata=broken_off), c]
+    warnings = trace(runs, dut(), LoopOptions(held_out=("c",))).warnings
+    assert warnings[0] == "a: the run was aborted (Aborted by SIGINT)."
+    assert not any("aborted" in warning for warning in result().warnings)
 
 
 def test_every_stage_of_the_loop_is_told() -> None:
