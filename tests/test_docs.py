@@ -21,7 +21,7 @@ NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
 
 SHORTER = {
     "locked-output": ("dwell=2", "rates=0.12", "start_angles=3", "replicate_pairs=0", "amplitudes=1,0.5"),
-    "backdrive": ("dwell=2", "amplitudes=1", "start_angles=1", "repeats=1"),
+    "backdrive": ("dwell=2", "amplitudes=1", "start_angles=1", "repeats=2"),
     "free-run": ("dwell=2", "speeds=20,30", "turns=1"),
     "starting-torque": ("dwell=2", "repeats=1"),
 }
