@@ -119,7 +119,7 @@ def test_what_remains_of_each_equation_is_the_rms_of_the_file_s_own_samples_that
 
 def test_the_table_gives_before_after_and_floor_of_every_equation() -> None:
     text = text_of(result())
-    assert "Verdict: none" in text
+    assert "Verdict: untraced" in text  # three short runs, none of them repeated
     assert {"torsion", "motor-torque", "before", "after", "floor"} <= set(text.split())
 
 
