@@ -8,7 +8,7 @@ from rich.table import Table
 
 from rig.loop.files.model_file import ModelBase, ModelEstimate
 from rig.loop.predict import Predicted
-from rig.loop.result import Errors, Estimate, LoopResult, NextExperiment, Open, Step
+from rig.loop.result import MEANINGS, Errors, Estimate, LoopResult, NextExperiment, Open, Step
 from sim_backend.model.compliance import LAWS
 
 TITLES = ("equation", "unit", "before", "after", "floor", "floor 95 %", "max after")
@@ -69,11 +69,10 @@ def text_of(result: LoopResult) -> str:
 
 
 def headline(result: LoopResult) -> str:
-    """Say the outcome in one sentence."""
+    """Say the verdict with its meaning, from how many runs, and what was added."""
     held = f"{len(result.train)} runs fitted, {len(result.held_out)} held out"
-    if not result.effects:
-        return f"Verdict: {result.verdict} ({held}); nothing was added."
-    return f"Verdict: {result.verdict} ({held}); added: {', '.join(result.effects)}."
+    added = f"added: {', '.join(result.effects)}" if result.effects else "nothing was added"
+    return f"Verdict: {result.verdict}: {MEANINGS[result.verdict]} ({held}; {added})."
 
 
 def statements(result: LoopResult) -> list[str]:

@@ -16,7 +16,7 @@ from rig.loop.files.model_storage import load_model, write_model
 from rig.loop.model.parameters import parameter_table
 from rig.loop.plot import plot_loop
 from rig.loop.predict import predict_run, write_predictions
-from rig.loop.result import LoopResult
+from rig.loop.result import MEANINGS, LoopResult, Verdict
 from rig.loop.table import BASE_PARTS, interval_text, remaining_table, text_of
 from rig.loop.trace import trace
 from sim_backend.model.compliance import LAWS, Compliance
@@ -122,7 +122,8 @@ def test_what_remains_of_each_equation_is_the_rms_of_the_file_s_own_samples_that
 
 def test_the_table_gives_before_after_and_floor_of_every_equation() -> None:
     text = text_of(result())
-    assert "Verdict: untraced" in text  # three short runs, none of them repeated
+    # three short runs, none of them repeated
+    assert text.startswith(f"Verdict: untraced: {MEANINGS[Verdict.UNTRACED]} (2 runs fitted, 1 held out; nothing was ")
     assert {"torsion", "motor-torque", "before", "after", "floor"} <= set(text.split())
 
 
