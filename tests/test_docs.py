@@ -13,7 +13,7 @@ from rig.config.bench import BenchFile
 from rig.config.dut import Dut
 from rig.config.toml_file import parse_toml
 from rig.log.mapping import ImportMap
-from rig.loop.result import Verdict
+from rig.loop.result import MEANINGS, Verdict
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = sorted([ROOT / "README.md", ROOT / "CHANGELOG.md", *(ROOT / "docs").rglob("*.md")])
@@ -21,7 +21,7 @@ NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
 
 SHORTER = {
     "locked-output": ("dwell=2", "rates=0.12", "start_angles=3", "replicate_pairs=0", "amplitudes=1,0.5"),
-    "backdrive": ("dwell=2", "amplitudes=1", "start_angles=1", "repeats=1"),
+    "backdrive": ("dwell=2", "amplitudes=1", "start_angles=1", "repeats=2"),
     "free-run": ("dwell=2", "speeds=20,30", "turns=1"),
     "starting-torque": ("dwell=2", "repeats=1"),
 }
@@ -130,12 +130,26 @@ def test_the_file_examples_are_valid_files():
     assert parse_toml(f"[run]\n{sidecar}", ImportMap, "docs/files.md").run.start_angle == 0.7
 
 
+def test_the_page_of_the_loop_explains_every_verdict_as_it_is_printed():
+    rows = dict(re.findall(r"^\| `(\w+)` \| (.+) \|$", (ROOT / "docs/loop.md").read_text(), flags=re.M))
+    for verdict in set(Verdict) - {Verdict.UNCONTROLLED}:  # not given yet
+        assert rows[verdict].startswith(MEANINGS[verdict])
+
+
+def test_the_page_of_the_loop_explains_every_mark_and_column_that_is_printed():
+    page = (ROOT / "docs/loop.md").read_text()
+    printed = page[page.index("## What is printed") : page.index("## What is left out")]
+    for word in ("| `=` |", "| `+` |", "| `?` |", "| `!` |", "`max after`", "`samples 79 %`", "`torsion_settling[1]`"):
+        assert word in printed, word
+
+
 def test_the_glossary_explains_every_verdict_and_no_word_twice():
     rows = re.findall(r"^\| (.+?) \| (.+) \|$", (ROOT / "docs/glossary.md").read_text(), flags=re.M)
     words = [word.strip() for left, _ in rows if left not in ("word", "---") for word in re.split("[,;]", left)]
     assert len(set(words)) == len(words)
-    for verdict in Verdict:
-        assert f"verdict `{verdict}`" in words
+    assert {left: right for left, right in rows if left.startswith("verdict `")} == {
+        f"verdict `{verdict}`": MEANINGS[verdict] for verdict in Verdict
+    }
     for word in ("wave generator", "flexspline", "circular spline", "torsion", "hysteresis loss", "starting torque"):
         assert word in words
     for word in (

@@ -22,6 +22,7 @@ from rig.log.names import writable_folder
 from rig.loop.campaign import LoopOptions
 from rig.loop.model.terms import Entry, periodic_effects
 from rig.loop.result import LoopResult
+from rig.loop.table import interval_text
 from rig.loop.trace import trace
 from rig.operator import SimulatedOperator
 from rig.session import Job, Provenance, RunRecord, Session, Watcher, run_jobs
@@ -153,7 +154,7 @@ def _comparison(truth: Truth, result: LoopResult) -> Table:
         shown, interval, inside = f"{estimate.value:.6g} {estimate.unit}", "", ""
         if estimate.ci95 is not None:
             low, high = estimate.ci95
-            interval = f"{low:.6g} to {high:.6g}"
+            interval = interval_text(low, high, digits=6)
             turns = 2 * math.pi * round((estimate.value - value) / (2 * math.pi)) if name == "phase" else 0.0
             inside = "yes" if low <= value + turns <= high else "NO"
         table.add_row(name, f"{value:.6g} {unit}", shown, interval, inside)

@@ -1,5 +1,7 @@
 """Look into logs, recover, export and import them."""
 
+import json
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 
@@ -7,24 +9,47 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from drivers.errors import ConfigError, Mistake, did_you_mean
+from drivers.errors import ConfigError, DataError, Mistake, did_you_mean
+from drivers.signals import BY_NAME
+from procedures.intents import Measurement
+from procedures.plan import parameter_table
+from procedures.registry import PROCEDURES
+from rig.commands.measurements import measurement_table
 from rig.log.export import ExportKind, export_run
 from rig.log.importer import import_files
-from rig.log.load import load_run, load_runs
+from rig.log.load import load_run, load_runs, logs_in
 from rig.log.mcap_reader import AT_IMPORT
 from rig.log.recover import recover
-from rig.log.run import Run
+from rig.log.run import ENDINGS, Run
 from rig.log.show import Summary, describe
 from rig.terminal import emit, tell
 
 
 def show_command(path: Path, as_json: bool) -> None:
-    """Print what a log holds."""
+    """Print what a log holds. Raises DataError for a folder, with the logs that are in it."""
+    if path.is_dir():
+        raise _no_single_log(path)
     summary = describe(load_run(path))
     if as_json:
         emit(summary.as_dict())
         return
     _print_summary(summary)
+
+
+MOST_NAMED = 3
+"""Logs of a folder that a message names."""
+
+
+def _no_single_log(folder: Path) -> DataError:
+    found = logs_in(folder)
+    names = ", ".join(file.name for file in found[:MOST_NAMED]) + (", ..." if len(found) > MOST_NAMED else "")
+    return DataError(
+        str(folder),
+        f"this is a folder, with {len(found)} log{'s' if len(found) != 1 else ''} in it"
+        + (f": {names}" if names else ""),
+        expected="one log (.mcap or .csv)",
+        hint=f"Name one of them: rig show {found[0]}" if found else "",
+    )
 
 
 def recover_command(path: Path, out: Path | None, as_json: bool) -> None:
@@ -82,6 +107,15 @@ def _print_files(files: list[Path], as_json: bool) -> None:
         print(path)
 
 
+def _outcome(summary: Summary) -> str:
+    """Say how the run ended and why; what did not go as planned in capitals."""
+    if summary.status is None:
+        return "not recorded"
+    if summary.status == "done":
+        return f"done: {ENDINGS['done']}"
+    return f"{summary.status.upper()}: {summary.reason or ENDINGS.get(summary.status, 'no reason recorded')}"
+
+
 def _print_summary(summary: Summary) -> None:
     console = Console()
 
@@ -92,7 +126,8 @@ def _print_summary(summary: Summary) -> None:
     line("procedure", summary.procedure)
     rate = f" at {summary.rate:.6g} Hz" if summary.rate is not None else ""
     line("samples", f"{summary.samples} over {summary.duration:.3f} s{rate}")
-    line("complete", "yes" if summary.complete else "NO: the log was cut off")
+    line("outcome", _outcome(summary))
+    line("file", "complete: it was closed" if summary.complete else "NOT complete: the log was cut off")
     if summary.late is not None or summary.missing is not None:
         line("cycles", f"{summary.late or 0} late, {summary.missing or 0} missing")
     if summary.replicate is not None:
@@ -110,7 +145,67 @@ def _print_summary(summary: Summary) -> None:
     console.print(table)
     for event in summary.events:
         line(f"{event.time:10.3f} s", f"{event.kind}: {event.text}")
+    widest = max(map(len, summary.metadata), default=0)
     for name, value in summary.metadata.items():
-        line(name, value if len(value) <= 200 else value[:197] + "...")
+        if name == MEASUREMENTS and (measured := _measured(value)):
+            console.print(measurement_table("measured", measured))
+            continue
+        first, *further = _lines(value, _units(name, summary.procedure))
+        line(f"{name:{widest}}", first)
+        for text in further:
+            line(" " * widest, text)
     for warning in summary.warnings:
         line("warning", warning)
+
+
+MEASUREMENTS = "outcome.measurements"
+"""Key of a log's metadata under which what the run measured is kept."""
+
+
+def _measured(text: str) -> list[Measurement]:
+    """Give the measurements in a log's outcome; none where the text is not what `rig run` writes."""
+    try:
+        return [Measurement(**{**item, "value": float(item["value"])}) for item in json.loads(text)]
+    except (ValueError, TypeError, KeyError):
+        return []
+
+
+def _units(key: str, procedure: str) -> dict[str, str]:
+    """Give the units of what is kept under a key of the metadata, by name, as far as they are known."""
+    if key == "outcome.extremes":
+        return {name: signal.unit for name, signal in BY_NAME.items()}
+    known = PROCEDURES.get(procedure) if key == "parameters" else None
+    return {} if known is None else {info.name: info.unit for info in parameter_table(known.parameters)}
+
+
+def _lines(text: str, units: Mapping[str, str]) -> list[str]:
+    """Give a value of the metadata in lines; what is kept as JSON in one line for every name or item."""
+    try:
+        content = json.loads(text) if text[:1] in ("{", "[") else text
+    except ValueError:
+        content = text
+    if isinstance(content, dict) and content:
+        width = max(len(name) for name in content)
+        return [f"{name:{width}}  {_plain(value, units.get(name, ''))}" for name, value in content.items()]
+    if isinstance(content, list) and content:
+        return [_plain(item) for item in content]
+    return [text]
+
+
+def _plain(value: object, unit: str = "") -> str:
+    """Give a value of JSON as a person writes it, with its unit."""
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {_part(item)}" for name, item in value.items() if item not in (None, "", [], {}))
+    if isinstance(value, list):
+        return ", ".join(_part(item) for item in value) + (f" {unit}" if unit not in ("", "1") else "")
+    if value is None or value == "":
+        return "not set" if value is None else "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    shown = f"{value:.6g}" if isinstance(value, float) else str(value)
+    return f"{shown} {unit}" if unit not in ("", "1") else shown
+
+
+def _part(value: object) -> str:
+    """Give a value within another one, in brackets where it has parts itself."""
+    return f"({_plain(value)})" if isinstance(value, list | dict) else _plain(value)

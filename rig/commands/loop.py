@@ -10,9 +10,9 @@ from rich.console import Console
 from drivers.errors import ConfigError, Mistake, did_you_mean
 from rig.config.dut import Dut, load_dut
 from rig.config.toml_file import parse_toml
-from rig.log.load import load_runs
+from rig.log.load import READERS, load_runs
 from rig.log.names import writable_folder
-from rig.log.run import Run
+from rig.log.run import Run, endings
 from rig.loop.campaign import LoopOptions
 from rig.loop.files.model_storage import load_model, write_model
 from rig.loop.plot import plot_loop
@@ -82,20 +82,39 @@ def _law(name: str | None) -> Compliance | None:
 
 
 def predict_command(model_file: Path, paths: tuple[Path, ...], out: Path, as_json: bool) -> None:
-    """Write the model's predictions for every run; print the files and the rms of what remains."""
+    """Write the model's predictions for every run; print the files, the rms of what remains, and runs to distrust."""
+    _refuse_swapped(model_file, paths)
     model = load_model(model_file)
     with Stages() as stage:
         stage("reading the logs")
         runs = load_runs(paths)
         stage(f"predicting {len(runs)} run{'s' if len(runs) != 1 else ''}")
         written = write_predictions(runs, model, out)
+    warnings = endings(runs)
     if as_json:
         residuals = [{"run": one.run, **asdict(item)} for one in written for item in one.remaining]
-        emit({"files": [str(one.file) for one in written], "residuals": residuals})
+        emit({"files": [str(one.file) for one in written], "residuals": residuals, "warnings": list(warnings)})
         return
     for one in written:
         print(one.file)
     Console().print(remaining_table(written))
+    for warning in warnings:
+        tell(f"! {warning}")
+
+
+def _refuse_swapped(model_file: Path, paths: Sequence[Path]) -> None:
+    """Raise ConfigError where logs stand in the model's place, with the order that is meant."""
+    if not model_file.is_dir() and model_file.suffix.lower() not in READERS:
+        return
+    what = "a folder" if model_file.is_dir() else "a log"
+    models = [path for path in paths if path.suffix.lower() == ".json"]
+    first = models[0] if models else "MODEL"
+    others = " ".join(str(path) for path in (model_file, *paths) if path not in models)
+    raise ConfigError(
+        "command line",
+        [Mistake("MODEL", str(model_file), f"is {what}; the model (model.json) comes first, then the logs")],
+        hint=f"rig predict {first} {others}",
+    )
 
 
 def dut_of(runs: Sequence[Run]) -> Dut:

@@ -12,14 +12,16 @@ from rich.table import Table
 
 from drivers.clock import Clock, RealClock
 from drivers.errors import ConfigError, LimitError, Mistake, RigError, did_you_mean
-from procedures.intents import Measurement, Result
+from procedures.intents import Measurement
 from procedures.plan import PlannedRun, build_parameters
 from procedures.registry import PROCEDURES
 from rig.bench import Bench, FixtureLock
+from rig.commands.measurements import measurement_table
 from rig.config.bench import BenchFile, Lock, load_bench, naming_the_bench
 from rig.config.catalogue import doubts
 from rig.config.dut import Dut, default_dut, load_dut
-from rig.log.load import load_run
+from rig.log.load import load_run, logs_in
+from rig.loop.campaign import FEWEST_RUNS
 from rig.loop.files.model_file import Model
 from rig.loop.files.model_storage import load_model
 from rig.operator import Answered, ConsentGiven, Operator, SimulatedOperator, TerminalOperator
@@ -99,6 +101,11 @@ def run_command(names: tuple[str, ...], options: RunOptions, dry_run: bool) -> N
         for line in assumed:
             tell(f"assumed: {line}")
         tell(planned)
+        if earlier := logs_in(options.out):
+            tell(
+                f"{options.out} already holds {len(earlier)} log{'s' if len(earlier) != 1 else ''}: "
+                f"rig loop {options.out} will read these and the new ones."
+            )
         if not bench_file.simulated:
             consent = operator.ask(f"The motor of bench '{bench_file.name}' is going to move. Is the bench clear?")
             while not consent():
@@ -352,24 +359,11 @@ def _report(records: tuple[JobRecord, ...], options: RunOptions) -> None:
         return
     console = Console()
     for record in records:
-        console.print(result_table(record.procedure, record.result))
-    # a starting torque is no equation of the loop: by itself it leads nowhere
+        console.print(measurement_table(record.procedure, record.result.measurements))
+    # a starting torque is no equation of the loop, and of a single run nothing can be held out
     loops = any(record.procedure != "starting-torque" for record in records)
-    tell(f"Logs in {options.out}." + (f" Next: rig loop {options.out}" if loops else ""))
-
-
-def result_table(title: str, result: Result) -> Table:
-    """Give a procedure's measurements as a table."""
-    table = Table(title=title, title_justify="left", header_style="bold", box=None, padding=(0, 1))
-    table.add_column("quantity", no_wrap=True)
-    table.add_column("value", justify="right", no_wrap=True)
-    table.add_column("±", justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
-    table.add_column("meaning")
-    for m in result.measurements:
-        spread = f"{m.uncertainty:.2g}" if m.uncertainty is not None else ""
-        table.add_row(m.name, f"{m.value:.5g}", spread, m.unit, m.meaning)
-    return table
+    enough = len(logs_in(options.out)) >= FEWEST_RUNS
+    tell(f"Logs in {options.out}." + (f" Next: rig loop {options.out}" if loops and enough else ""))
 
 
 def _measurement(m: Measurement) -> dict[str, object]:

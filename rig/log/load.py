@@ -53,9 +53,16 @@ def load_run(file: Path) -> Run:
     return reader(file)
 
 
+def logs_in(folder: Path) -> list[Path]:
+    """Give the logs directly in a folder, sorted by name; none where there is no such folder."""
+    if not folder.is_dir():
+        return []
+    return sorted(file for file in folder.iterdir() if file.suffix.lower() in READERS and file.is_file())
+
+
 def _files(path: Path) -> list[Path]:
     if path.is_dir():
-        found = sorted(file for file in path.iterdir() if file.suffix.lower() in READERS and file.is_file())
+        found = logs_in(path)
         if not found:
             raise DataError(str(path), "the folder holds no run", expected="files *.mcap or *.csv")
         return found

@@ -1,6 +1,6 @@
 """One run as read from a file: time, signals as arrays, and the few facts that travel with them."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -31,6 +31,21 @@ class RunEvent:
     text: str
 
 
+ENDINGS: Mapping[str, str] = MappingProxyType(
+    {
+        "done": "went as planned",
+        "limit": "was ended by a limit",
+        "fault": "was ended by a fault",
+        "aborted": "was aborted",
+        "error": "ended in an error",
+    }
+)
+"""What each status of a log's outcome says of the run."""
+
+LONGEST_REASON = 160
+"""Letters of a reason that a warning repeats; `rig show` prints all."""
+
+
 @dataclass(frozen=True, slots=True)
 class Run:
     """One log.
@@ -41,7 +56,7 @@ class Run:
     group of runs that repeat the same conditions, or None. `start_angle`: rad, or None. `gaps`: times (s) after
     which more than 5 nominal periods are missing. `metadata`: plain text facts (run id, operator, ...).
     `dut_text`, `bench_text`: the attached files as written, "" where there are none.
-    `complete`: False if the log was cut off.
+    `complete`: False if the log was cut off; an aborted run whose log was closed is complete, see `ending`.
     """
 
     name: str
@@ -60,3 +75,32 @@ class Run:
     bench_text: str = ""
     complete: bool = True
     warnings: tuple[str, ...] = ()
+
+    @property
+    def status(self) -> str | None:
+        """How the run ended, as the log says it (`done`, `aborted`, ...); None where it does not tell."""
+        return self.metadata.get("outcome.status") or None
+
+    @property
+    def reason(self) -> str | None:
+        """Why the run did not go as planned, as the log says it."""
+        return self.metadata.get("outcome.error") or None
+
+    @property
+    def ending(self) -> str | None:
+        """Say that the run did not go as planned or that its log was cut off, with the reason; None where it did."""
+        if not self.complete:
+            return "the log was cut off: how the run ended is not known"
+        if self.status is None or self.status == "done":
+            return None
+        how = ENDINGS.get(self.status, f"ended as '{self.status}'")
+        if self.reason is None:
+            return f"the run {how}"
+        first = self.reason.split(". ")[0].rstrip(".")
+        shown = first if len(first) <= LONGEST_REASON else f"{first[: LONGEST_REASON - 3]}..."
+        return f"the run {how} ({shown})"
+
+
+def endings(runs: Iterable[Run]) -> tuple[str, ...]:
+    """Give one warning for every run that did not go as planned."""
+    return tuple(f"{run.name}: {run.ending}." for run in runs if run.ending is not None)

@@ -30,7 +30,8 @@ class SignalSummary:
 class Summary:
     """One run. `duration` s, `rate` Hz (from the median step, None below two samples).
 
-    `late` counts late cycles, `missing` the cycle numbers that never came; None where the log does not tell.
+    `complete`: the file was closed, whatever became of the run; `status`, `reason`: how the run ended and why. `late`
+    counts late cycles, `missing` the cycle numbers that never came. None where the log does not tell.
     """
 
     name: str
@@ -39,6 +40,8 @@ class Summary:
     replicate: str | None
     start_angle: float | None
     complete: bool
+    status: str | None
+    reason: str | None
     samples: int
     duration: float
     rate: float | None
@@ -55,8 +58,8 @@ class Summary:
         plain: dict[str, Plain] = {
             name: getattr(self, name)
             for name in (
-                "name", "file", "procedure", "replicate", "start_angle", "complete", "samples", "duration", "rate",
-                "late", "missing",
+                "name", "file", "procedure", "replicate", "start_angle", "complete", "status", "reason", "samples",
+                "duration", "rate", "late", "missing",
             )
         }  # fmt: skip
         plain["gaps"] = list(self.gaps)
@@ -81,6 +84,8 @@ def describe(run: Run) -> Summary:
         replicate=run.replicate,
         start_angle=run.start_angle,
         complete=run.complete,
+        status=run.status,
+        reason=run.reason,
         samples=len(run.time),
         duration=float(run.time[-1]) if len(run.time) else 0.0,
         rate=_rate(steps),

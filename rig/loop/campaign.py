@@ -15,6 +15,9 @@ from rig.log.run import Run
 from rig.loop.files.model_file import Model
 from sim_backend.model.compliance import Compliance
 
+FEWEST_RUNS = 2
+"""Runs of a campaign at least: one to fit, one to hold out."""
+
 HELD_OUT_SHARE = 0.25
 """Share of each procedure's groups that is held out when nothing is said; at least one where there are two."""
 
@@ -53,7 +56,7 @@ def split_runs(runs: Sequence[Run], options: LoopOptions) -> Campaign:
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise DataError(twice[0], "two runs have this name", expected="one name a run", hint="Rename one of the files.")
-    if len(runs) < 2:
+    if len(runs) < FEWEST_RUNS:
         what = names[0] if names else "no run"
         raise DataError(
             what,

@@ -14,12 +14,16 @@ PER_TURN = ("motor_position", "output_position")
 """Variables shown over one turn."""
 
 
+TITLE_WIDTH = 120
+"""Letters in a line of the title: as many as the figure is wide."""
+
+
 def plot_loop(result: LoopResult, path: Path) -> Path:
     """Write the figure as SVG or PNG, by the suffix of `path`; give the path."""
     count = max(len(result.views), 1)
     figure = Figure(figsize=(9.0, 1.0 + 2.6 * count), layout="constrained")
     FigureCanvasAgg(figure)
-    figure.suptitle(headline(result), fontsize=9)
+    figure.suptitle(textwrap.fill(headline(result), TITLE_WIDTH), fontsize=9)
     for number, view in enumerate(result.views):
         axes = figure.add_subplot(count, 1, number + 1)
         x, label = _axis(view)

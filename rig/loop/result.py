@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from types import MappingProxyType
 from typing import TypeAlias
 
 import numpy as np
@@ -30,6 +31,20 @@ class Verdict(StrEnum):
     NAMED = "named"
     ABSORBED = "absorbed"
     NONE = "none"
+
+
+MEANINGS: Mapping[Verdict, str] = MappingProxyType(
+    {
+        Verdict.UNCONTROLLED: "reserved for single events that do not repeat; not given yet, they are `untraced`",
+        Verdict.UNTRACED: "what is left has structure, but no term passes the tests, or nothing tells it from noise",
+        Verdict.AMBIGUOUS: "several effects explain it equally: the ambiguous set",
+        Verdict.UNNAMED: "it repeats, and on what angle at which order is known, but no effect of the catalogue fits",
+        Verdict.NAMED: "one effect of the catalogue explains it, with parameters and intervals",
+        Verdict.ABSORBED: "a base parameter is away from its catalogue value, and several causes could have moved it",
+        Verdict.NONE: "what is left is noise",
+    }
+)
+"""What each verdict says; the glossary and the page of the loop say the same."""
 
 
 def first_verdict(verdicts: Sequence[Verdict]) -> Verdict:

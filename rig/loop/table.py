@@ -1,18 +1,34 @@
 """The table before/after, for the terminal and as plain text."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 from rich.table import Table
 
 from rig.loop.files.model_file import ModelBase, ModelEstimate
 from rig.loop.predict import Predicted
-from rig.loop.result import Errors, Estimate, LoopResult, NextExperiment, Open, Step
+from rig.loop.result import MEANINGS, Errors, Estimate, LoopResult, NextExperiment, Open, Step
 from sim_backend.model.compliance import LAWS
 
 TITLES = ("equation", "unit", "before", "after", "floor", "floor 95 %", "max after")
 
 SCALES = {"rad": ("urad", 1e6), "N*m": ("mN*m", 1e3), "A": ("mA", 1e3)}
 """Units in which errors are printed, with what one SI unit is in them; files keep SI."""
+
+
+MOST_DIGITS = 15
+"""Digits of a number that are its own."""
+
+BASE_PARTS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "wave generator": ("K_w0", "C_w"),
+        "friction": ("T_fs", "T_fb", "T_c", "b", "T_cr", "b_r", "i_c", "i_v", "T_co", "b_o"),
+        "inertia and springs": ("J_r", "K_r", "J_l", "J_o", "windup"),
+        "offsets": ("M_0", "i_0", "T_0"),
+    }
+)
+"""Parameters of the base model besides the flexspline's, in the lines in which they are printed."""
 
 
 def table_of(result: LoopResult) -> Table:
@@ -53,16 +69,15 @@ def text_of(result: LoopResult) -> str:
 
 
 def headline(result: LoopResult) -> str:
-    """Say the outcome in one sentence."""
+    """Say the verdict with its meaning, from how many runs, and what was added."""
     held = f"{len(result.train)} runs fitted, {len(result.held_out)} held out"
-    if not result.effects:
-        return f"Verdict: {result.verdict} ({held}); nothing was added."
-    return f"Verdict: {result.verdict} ({held}); added: {', '.join(result.effects)}."
+    added = f"added: {', '.join(result.effects)}" if result.effects else "nothing was added"
+    return f"Verdict: {result.verdict}: {MEANINGS[result.verdict]} ({held}; {added})."
 
 
 def statements(result: LoopResult) -> list[str]:
-    """Give the flexspline's law that was fitted, a few lines for every step and open statement, one per warning."""
-    lines = _flexspline(result.model.base)
+    """Give the base parameters that were fitted, a few lines for every step and open statement, one per warning."""
+    lines = _base(result.model.base)
     for step in result.steps:
         lines.append(f"+ {step.effect} in {step.equation}, false-alarm probability {step.p_value:.1g}")
         lines += [f"    {text}" for text in _parameters(step)] + _next(step.next_experiment)
@@ -72,11 +87,14 @@ def statements(result: LoopResult) -> list[str]:
     return lines + [f"! {warning}" for warning in result.warnings]
 
 
-def _flexspline(base: ModelBase) -> list[str]:
-    """Give the law of the flexspline with its parameters, as far as the data told of them."""
-    names = (name for name in LAWS[base.law].parameters if name in base.parameters)
-    values = [_shown(name, base.parameters[name]) for name in names]
-    return [f"= flexspline {base.law}: {', '.join(values)}"] if values else []
+def _base(base: ModelBase) -> list[str]:
+    """Give the law of the flexspline and the other parts of the base model, as far as the data told of them."""
+    groups = {f"flexspline {base.law}": LAWS[base.law].parameters, **BASE_PARTS}
+    lines = []
+    for part, names in groups.items():
+        values = [_shown(name, base.parameters[name]) for name in names if name in base.parameters]
+        lines += [f"= {part}: {', '.join(values)}"] if values else []
+    return lines
 
 
 def _parameters(step: Step) -> list[str]:
@@ -91,8 +109,22 @@ def _parameters(step: Step) -> list[str]:
 
 def _shown(name: str, estimate: Estimate | ModelEstimate) -> str:
     """Give a parameter with its 95 % half width and unit."""
-    half = "" if estimate.ci95 is None else f" +- {0.5 * (estimate.ci95[1] - estimate.ci95[0]):.2g}"
-    return f"{name} {estimate.value:.7g}{half} {estimate.unit}".rstrip()
+    value, within = f"{name} {estimate.value:.7g}", ""
+    if estimate.ci95 is not None:
+        low, high = estimate.ci95
+        half = 0.5 * (high - low)
+        # an interval on a logarithmic scale that is wider than its value has no half width worth the name
+        within = f" ({low:.2g} to {high:.2g})" if low > 0.0 and half > estimate.value else f" +- {half:.2g}"
+    return f"{value}{within} {estimate.unit}".rstrip()
+
+
+def interval_text(low: float, high: float, digits: int = 3) -> str:
+    """Give an interval with at least so many digits, and as many more as its width needs to show with two."""
+    largest, width = max(abs(low), abs(high)), abs(high - low)
+    if width > 0.0 and math.isfinite(largest):
+        digits = max(digits, math.floor(math.log10(largest)) - math.floor(math.log10(width)) + 2)
+    digits = min(digits, MOST_DIGITS)
+    return f"{low:.{digits}g} to {high:.{digits}g}"
 
 
 def _statement(item: Open) -> str:
@@ -134,7 +166,7 @@ def _row(name: str, unit: str, errors: Errors) -> tuple[str, ...]:
         f"{errors.rms_before * scale:.4g}",
         f"{errors.rms_after * scale:.4g}",
         "-" if errors.floor is None else f"{errors.floor * scale:.4g}",
-        "-" if interval is None else f"{interval[0] * scale:.3g} to {interval[1] * scale:.3g}",
+        "-" if interval is None else interval_text(interval[0] * scale, interval[1] * scale),
         f"{errors.max_after * scale:.3g}",
     )
 

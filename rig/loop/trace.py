@@ -13,7 +13,7 @@ from drivers.clock import Clock, RealClock
 from drivers.errors import DataError
 from rig.config.catalogue import doubts
 from rig.config.dut import Dut
-from rig.log.run import ProcedureName, Run
+from rig.log.run import ProcedureName, Run, endings
 from rig.loop.campaign import LoopOptions, split_runs
 from rig.loop.files.model_file import Model as ModelFile
 from rig.loop.fitting.fit import BLOCK, Fit, fit, fit_stably, reweighted
@@ -25,7 +25,7 @@ from rig.loop.model.parameters import parameter_table
 from rig.loop.model.prediction import Model, predict
 from rig.loop.model.shapes import ShapeTerm, named_effect
 from rig.loop.model.terms import Entry, Line, TermClass
-from rig.loop.result import EquationResult, Errors, LoopResult, View
+from rig.loop.result import EquationResult, Errors, LoopResult, Open, View
 from rig.loop.search.aliases import aliases, samplings
 from rig.loop.search.lines import USUAL_HIGHEST_ORDER
 from rig.loop.search.select import NOT_EVERYWHERE, Selection, Unadded, select
@@ -35,7 +35,7 @@ from rig.loop.statements.metrics import Floor, Residual, errors, floor_of, poole
 from rig.loop.statements.open_statements import open_statements
 from rig.loop.statements.report_steps import model_of, steps_of
 from rig.provenance import software_version
-from sim_backend.model.compliance import Compliance
+from sim_backend.model.compliance import LAWS, Compliance
 
 SAME_SPEED = 1.05
 """Ratio below which two legs have the same speed."""
@@ -107,8 +107,11 @@ def trace(
     }
     steps = steps_of(selection.decisions, final, base, dut, changes)
     entries = [decision.kind.enters for decision in selection.decisions]
+    still_open = open_statements(selection, _after(sides["train"]), _after(sides["held_out"]), equations, dut)
     warnings = (
+        *endings(runs),
         *campaign.warnings,
+        *_far_from_prior(final, still_open),
         *_doubts(final),
         *_remarks([*train, *held_out], runs, dut, final.model),
         *_unadded(selection),
@@ -121,7 +124,7 @@ def trace(
         held_out=tuple(run.name for run in campaign.held_out),
         equations=equations,
         steps=steps,
-        open=open_statements(selection, _after(sides["train"]), _after(sides["held_out"]), equations, dut),
+        open=still_open,
         warnings=warnings,
         elapsed=clock.now() - started,
         model=model_of(final, steps, entries, dut, software_version()),
@@ -340,6 +343,34 @@ def _far_from_catalogue(dut: Dut, model: Model) -> list[tuple[str, float, float]
         and model.value(parameter) != catalogue
         and not 1.0 / FACTOR < catalogue / model.value(parameter) < FACTOR
     ]
+
+
+FAR_FROM_PRIOR = 3.0
+"""Standard deviations of its prior by which a parameter of the flexspline's law may move without a word."""
+
+
+def _far_from_prior(final: Fit, told: Sequence[Open]) -> list[str]:
+    """Give a warning for every parameter of the flexspline's law that the data moved far off its prior.
+
+    `told`: statements that name their parameter already.
+    """
+    table = final.model.table
+    touched, named = set(final.columns.base), {item.parameter for item in told}
+    found = []
+    for entry in table.entries:
+        value = final.model.value(entry.name)
+        if entry.name not in LAWS[table.law].parameters or entry.name not in touched or entry.name in named:
+            continue
+        # all of them are positive, and estimated as logarithms
+        widths = math.log(value / entry.centre) / entry.spread
+        if abs(widths) > FAR_FROM_PRIOR:
+            off, width = 100.0 * (value / entry.centre - 1.0), 100.0 * entry.spread
+            found.append(
+                f"{entry.name} of the flexspline is {value:.4g} {entry.unit}, {off:+.0f} % off its prior of "
+                f"{entry.centre:.4g} ({abs(widths):.2g} times the prior's width of {width:.0f} %): the device file "
+                f"is off, or {entry.name} makes up for a law or an effect that the model lacks."
+            )
+    return found
 
 
 def _remarks(tracks: Sequence[Track], runs: Sequence[Run], dut: Dut, model: Model) -> list[str]:

@@ -113,6 +113,89 @@ def test_show_prints_what_the_log_holds(campaign):
     assert json.loads(rig("show", run.file, "--json").stdout)["samples"] == len(run.time)
 
 
+def aborted(path: Path) -> Path:
+    """Write a log whose run was aborted in the middle of a sweep."""
+    writer = LogWriter(path, {"run_id": "1", "procedure": "free-run"}, attachments={}, cycle_rate=1000, epoch_ns=0)
+    for cycle in range(3000):
+        angle = 0.02 * max(cycle - 500, 0)
+        writer.write(
+            Sample(
+                time=1e-3 * cycle, cycle=cycle, motor_position=angle, output_position=-angle / 100, motor_torque=0.01
+            )
+        )
+    writer.close({"status": "aborted", "error": "Aborted by SIGINT in 'sweep'. Reaction: ramp."})
+    return path
+
+
+def test_show_tells_at_the_top_how_the_run_ended_beside_whether_the_file_was_closed(campaign, tmp_path):
+    lines = rig("show", aborted(tmp_path / "a.mcap")).stdout.splitlines()
+    assert lines[3] == "outcome      ABORTED: Aborted by SIGINT in 'sweep'. Reaction: ramp."
+    assert lines[4] == "file         complete: it was closed"
+    (run,) = load_runs([campaign])
+    assert rig("show", run.file).stdout.splitlines()[3] == "outcome      done: went as planned"
+
+
+def test_show_prints_measurements_as_the_run_did_and_parameters_with_their_units(campaign):
+    (run,) = load_runs([campaign])
+    lines = [" ".join(line.split()) for line in rig("show", run.file).stdout.splitlines()]
+    measured = json.loads(run.metadata["outcome.measurements"])
+    assert "quantity value ± unit meaning" in lines
+    for m in measured:
+        row = f"{m['name']} {m['value']:.5g} {m['uncertainty']:.2g} {m['unit']} "
+        assert any(line.startswith(row) for line in lines), row
+    for told in ("parameters dwell 0.5 s", "rates 0.3 N*m/s", "tare no", "outcome.extremes motor_torque 0.172208 N*m"):
+        assert told in lines, told
+    assert any(line.startswith("motor_torque device motor, unit N*m, sign 1, resolution 0.000188") for line in lines)
+    assert not any("{" in line for line in lines)
+
+
+def test_show_prints_metadata_that_is_no_json_as_it_is(tmp_path):
+    info = {"run_id": "1", "parameters": "{speed", "note": "[see page 3]"}
+    writer = LogWriter(tmp_path / "x.mcap", info, attachments={}, cycle_rate=1000, epoch_ns=0)
+    writer.write(Sample(time=0.0, cycle=0, motor_position=1.0))
+    writer.close({"status": "done", "measurements": '[{"name": "x"}]'})
+    lines = [" ".join(line.split()) for line in rig("show", tmp_path / "x.mcap").stdout.splitlines()]
+    for told in ("parameters {speed", "note [see page 3]", "outcome.measurements name x"):
+        assert told in lines, told
+
+
+def test_a_folder_is_no_log_and_the_message_says_so_and_names_one(campaign, tmp_path):
+    answer = rig("show", campaign)
+    assert answer.exit_code == 5
+    assert "this is a folder, with 1 log in it: locked-output-angle-1.mcap" in answer.stderr
+    assert f"rig show {campaign / 'locked-output-angle-1.mcap'}" in answer.stderr
+    assert "a folder, with 0 logs in it. Expected one log" in rig("show", tmp_path).stderr
+
+
+def test_logs_in_the_place_of_the_model_are_answered_with_the_order_that_is_meant(campaign):
+    for logs in (campaign, campaign / "locked-output-angle-1.mcap"):
+        answer = rig("predict", logs, "runs/model.json")
+        assert answer.exit_code == 2
+        assert "the model (model.json) comes first, then the logs" in answer.stderr
+        assert answer.stderr.endswith(f"rig predict runs/model.json {logs}\n")
+
+
+def test_the_loop_is_named_as_next_only_where_two_runs_are_there_and_earlier_logs_are_told_first(tmp_path):
+    first, second = (rig("run", "backdrive", *SHORT_BACKDRIVE, "-o", tmp_path).stderr for _ in range(2))
+    assert first.endswith(f"Logs in {tmp_path}.\n")
+    assert "already holds" not in first
+    told = f"{tmp_path} already holds 1 log: rig loop {tmp_path} will read these and the new ones."
+    lines = second.splitlines()
+    assert lines.index(told) < next(k for k, line in enumerate(lines) if line.startswith("backdrive, run 1/1"))
+    assert second.endswith(f"Logs in {tmp_path}. Next: rig loop {tmp_path}\n")
+
+
+def test_a_prediction_of_an_aborted_run_says_that_it_was_aborted(tmp_path):
+    base = ModelBase(model="zhang-2014", ratio=100.0, parameters={})
+    write_model(Model(schema="rig.model/1", dut=default_dut()[0], base=base, software="0"), tmp_path / "model.json")
+    told = "a: the run was aborted (Aborted by SIGINT in 'sweep')."
+    arguments = ("predict", tmp_path / "model.json", aborted(tmp_path / "a.mcap"), "-o", tmp_path / "out")
+    answer = rig(*arguments)
+    assert answer.exit_code == 0, answer.stderr
+    assert f"! {told}" in answer.stderr.splitlines()
+    assert json.loads(rig(*arguments, "--json").stdout)["warnings"] == [told]
+
+
 @pytest.mark.parametrize("kind", ["hdf5", "csv"])
 def test_export_writes_one_file_per_run(campaign, tmp_path, kind):
     answer = rig("export", campaign, "--to", kind, "-o", tmp_path, "--json")

@@ -16,7 +16,7 @@ from rig.loop.model.parameters import flexspline_entries
 from rig.loop.result import EquationResult, Json, NextExperiment, Open, Verdict
 from rig.loop.search.select import LEAST_IMPROVED, LEAST_SLOPE, QUOTIENT, Selection
 from rig.loop.statements.evidence import Memory, Repeats, memory, repeats
-from rig.loop.statements.metrics import Residual
+from rig.loop.statements.metrics import LEAST_DWELL, Residual, dwell_of, quantisation_square
 from rig.loop.statements.report_steps import base_estimates
 
 STIFFNESS_DEVIATION = 0.10
@@ -52,7 +52,42 @@ def open_statements(
     """Give everything that stays open after the selection. `train`, `held_out`: residuals after, of all runs."""
     found = [*_left_over(train, selection, dut), *_shapes(selection), *_worse(selection, equations)]
     known = {(item.evidence.get("equation"), item.evidence.get("procedure")) for item in found}
-    return (*found, *_above_floor(held_out, equations, known), *_absorbed(selection, dut), *_slope(selection))
+    found += [*_above_floor(held_out, equations, known), *_absorbed(selection, dut), *_slope(selection)]
+    if not found and not selection.decisions:
+        found = _without_floor([*train, *held_out], equations, dut, selection.fit.model.ratio)
+    return tuple(found)
+
+
+def _without_floor(
+    residuals: Sequence[Residual], equations: Mapping[str, EquationResult], dut: Dut, ratio: float | None
+) -> list[Open]:
+    """Report that nothing tells noise from structure: no equation has a floor, and no replicates stand for one."""
+    sides = [side for item in equations.values() for side in (item.held_out, item.train) if side is not None]
+    if any(errors.floor is not None for side in sides for errors in (side, *side.by_procedure.values())):
+        return []
+    pieces = [residual.piece for residual in residuals]
+    angles = [piece for piece in pieces if piece.equation is Equation.TORSION]
+    missing = [] if any(piece.track.replicate is not None for piece in pieces) else ["replicate runs"]
+    if any(dwell_of(piece) is None for piece in pieces):
+        missing.append(f"a dwell of {LEAST_DWELL:g} s before the first motion of every run")
+    if any(quantisation_square(piece, dut, ratio) is None for piece in angles):
+        missing.append("the encoders' counts per turn in the device file")
+    procedures = dict.fromkeys(piece.track.procedure for piece in pieces)
+    names = " ".join(name for name in procedures if name != ProcedureName.OTHER)
+    return [
+        Open(
+            verdict=Verdict.UNTRACED,
+            evidence={
+                "equation": ", ".join(equations),
+                "missing": missing,
+                "meaning": "no equation has a floor, so that nothing tells whether what is left is noise",
+            },
+            next_experiment=NextExperiment(
+                "A run repeated under the same conditions shows what noise leaves.",
+                f"rig run {names} --repeat 2" if names else "",
+            ),
+        )
+    ]
 
 
 def _left_over(residuals: Sequence[Residual], selection: Selection, dut: Dut) -> list[Open]:

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from rig.log.mcap_reader import read_mcap
+from rig.log.run import ENDINGS, Run, endings
 from rig.log.show import describe
 from rig.log.timeline import make_run
+from rig.runner import Status
 from tests.rig.log.samples import write_log
 
 
@@ -46,6 +48,30 @@ def test_the_plain_form_goes_through_json(tmp_path: Path) -> None:
     assert plain["events"][1] == {"time": pytest.approx(0.02), "kind": "phase", "text": "sweep"}
     assert {item["name"] for item in plain["signals"] if item["auxiliary"]} == {"strain"}
     assert plain["metadata"]["operator"] == "Ada"
+
+
+def ended(status: str, error: str = "", *, complete: bool = True) -> Run:
+    metadata = {"outcome.status": status} | ({"outcome.error": error} if error else {})
+    return make_run(Path("a.mcap"), np.arange(3.0), {}, {}, {}, metadata, complete=complete)
+
+
+def test_a_closed_log_of_a_run_that_was_broken_off_says_so_with_the_reason() -> None:
+    run = ended("aborted", "Aborted by SIGINT in 'sweep'. Reaction: ramp; the drives confirmed.")
+    summary = describe(run)
+    assert summary.complete
+    assert (summary.status, summary.reason) == ("aborted", run.metadata["outcome.error"])
+    assert run.ending == "the run was aborted (Aborted by SIGINT in 'sweep')"
+    assert ended("limit").ending == "the run was ended by a limit"
+    assert ended("wedged").ending == "the run ended as 'wedged'"
+    assert len(ended("error", "x" * 1000).ending or "") < 200
+
+
+def test_only_a_run_that_went_as_planned_or_does_not_tell_has_no_ending() -> None:
+    assert ended("done").ending is None
+    assert ended("").ending is None
+    assert ended("done", complete=False).ending == "the log was cut off: how the run ended is not known"
+    assert endings((ended("done"), ended("fault"))) == ("a: the run was ended by a fault.",)
+    assert set(ENDINGS) == set(Status)
 
 
 def test_a_log_without_samples_and_without_cycles_has_a_summary(tmp_path: Path) -> None:

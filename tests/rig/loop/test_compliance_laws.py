@@ -121,6 +121,19 @@ def test_a_catalogue_that_is_off_costs_no_accuracy_and_is_told_by_the_laws_own_n
     assert absorbed.deviation == pytest.approx(fitted(result.model)[0] / (factor * right) - 1.0, abs=1e-3)
 
 
+def test_a_law_that_the_data_move_far_off_its_prior_is_a_warning():
+    """The prior of T1 is 10 % wide; the plant's lines meet 44 % lower than this device file says, 5.9 widths away."""
+    gear = dut(DUT_TEXT).gear
+    device = dut(DUT_TEXT).model_copy(update={"gear": gear.model_copy(update={"T1": 1.8 * PIECEWISE.T1})})
+    result = trace(swept(PIECEWISE), device, LoopOptions(compliance=Compliance.PIECEWISE))
+    T1 = result.model.base.parameters["T1"].value
+    (told,) = (text for text in result.warnings if text.startswith("T1 of the flexspline is"))
+    assert f"{100.0 * (T1 / 7.38 - 1.0):+.0f} % off its prior of 7.38 (" in told
+    assert "times the prior's width of 10 %" in told
+    right = traced(PIECEWISE, Compliance.PIECEWISE)
+    assert not any("off its prior" in text for text in right.warnings)
+
+
 def rig(*arguments: object) -> Result:
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
 

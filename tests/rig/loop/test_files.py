@@ -1,6 +1,7 @@
 """model.json, predictions, table and plot of one small campaign."""
 
 import json
+import re
 from functools import cache
 from pathlib import Path
 
@@ -12,12 +13,14 @@ from drivers.errors import ConfigError
 from rig.config.dut import SHD_17_100
 from rig.loop.campaign import LoopOptions
 from rig.loop.files.model_storage import load_model, write_model
+from rig.loop.model.parameters import parameter_table
 from rig.loop.plot import plot_loop
 from rig.loop.predict import predict_run, write_predictions
-from rig.loop.result import LoopResult
-from rig.loop.table import remaining_table, text_of
+from rig.loop.result import MEANINGS, LoopResult, Verdict
+from rig.loop.table import BASE_PARTS, interval_text, remaining_table, text_of
 from rig.loop.trace import trace
-from tests.rig.loop.runs import dut, turning_run
+from sim_backend.model.compliance import LAWS, Compliance
+from tests.rig.loop.runs import dut, make_run, turning_run
 
 
 @cache
@@ -38,6 +41,15 @@ def test_a_device_file_that_contradicts_itself_is_a_warning() -> None:
     (told,) = (warning for warning in warnings if "doubtful" in warning)
     assert "T1/K1 is 4.64e-05 rad, usually 0.00015 to 0.002 rad" in told
     assert not any("doubtful" in warning for warning in result().warnings)
+
+
+def test_an_aborted_run_is_a_warning() -> None:
+    broken_off = {"outcome.status": "aborted", "outcome.error": "Aborted by SIGINT. Reaction: ramp."}
+    a, c = turning_run("a", 0), turning_run("c", 2)
+    runs = [make_run("a", "free-run", a.time, a.signals, metadata=broken_off), c]
+    warnings = trace(runs, dut(), LoopOptions(held_out=("c",))).warnings
+    assert warnings[0] == "a: the run was aborted (Aborted by SIGINT)."
+    assert not any("aborted" in warning for warning in result().warnings)
 
 
 def test_every_stage_of_the_loop_is_told() -> None:
@@ -110,8 +122,34 @@ def test_what_remains_of_each_equation_is_the_rms_of_the_file_s_own_samples_that
 
 def test_the_table_gives_before_after_and_floor_of_every_equation() -> None:
     text = text_of(result())
-    assert "Verdict: none" in text
+    # three short runs, none of them repeated
+    assert text.startswith(f"Verdict: untraced: {MEANINGS[Verdict.UNTRACED]} (2 runs fitted, 1 held out; nothing was ")
     assert {"torsion", "motor-torque", "before", "after", "floor"} <= set(text.split())
+
+
+def test_the_table_gives_every_fitted_base_parameter_with_its_interval() -> None:
+    lines = [line for line in text_of(result()).splitlines() if line.startswith("= ")]
+    (friction,) = (line for line in lines if line.startswith("= friction: "))
+    assert re.search(r"T_c 0\.01[12]\d* \+- \S+ N\*m, b \S+ \+- \S+ N\*m\*s", friction)  # Coulomb friction of 12 mN*m
+    shown = set(re.findall(r"[:,] (\w+)", " ".join(lines)))
+    assert shown == set(result().model.base.parameters)
+
+
+def test_every_base_parameter_has_its_line_and_its_row_in_the_glossary() -> None:
+    glossary = Path("docs/glossary.md").read_text()
+    for law in Compliance:
+        printed = [*LAWS[law].parameters, *(name for names in BASE_PARTS.values() for name in names)]
+        assert sorted(printed) == sorted(parameter_table(dut(), 100.0, law).names)
+        for name in printed:
+            assert re.search(rf"^\| ([^|]*[,;] )?`{name}`[^|]* \|", glossary, flags=re.M), name
+
+
+def test_an_interval_has_enough_digits_that_its_ends_differ() -> None:
+    assert interval_text(1.999999, 2.000001, digits=6) == "1.999999 to 2.000001"
+    assert interval_text(1.99999912, 2.00000087) == "1.9999991 to 2.0000009"
+    assert interval_text(3.31, 4.52) == "3.31 to 4.52"
+    assert interval_text(2.0, 2.0) == "2 to 2"
+    assert interval_text(0.0, 0.0) == "0 to 0"
 
 
 @pytest.mark.parametrize("suffix", ["svg", "png"])

@@ -1,5 +1,7 @@
 """The loop on logs that lack signals, are short, or come with a wrong device file: a statement, never a guess."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -43,12 +45,14 @@ def test_a_backdrive_without_motor_torque_is_not_taken_for_a_moving_output() -> 
     assert any("backdrive-01a" in text and "No equation" in text for text in result.warnings)
 
 
-def short_run(name: str, seed: int, kinematic_error: float, cogging: float, seconds: float = 20.0) -> Run:
+def short_run(
+    name: str, seed: int, kinematic_error: float, cogging: float, seconds: float = 20.0, speed: float | None = None
+) -> Run:
     rng = np.random.default_rng(seed)
     time = np.arange(0.0, seconds, 0.005)
     half = seconds / 2
     corners = [0.0, 0.5, 0.7, half - 0.7, half - 0.5, half - 0.3, half - 0.1, seconds - 0.5, seconds - 0.3, seconds]
-    velocity = (20.0 + seed) * np.interp(time, corners, [0, 0, 1, 1, 0, 0, -1, -1, 0, 0])
+    velocity = (20.0 + seed if speed is None else speed) * np.interp(time, corners, [0, 0, 1, 1, 0, 0, -1, -1, 0, 0])
     angle = np.cumsum(velocity) * 0.005
     error = kinematic_error * np.sin(2 * angle + 0.5)
     torque = 0.012 * np.sign(velocity) + cogging * np.sin(84 * angle + 1.0)
@@ -68,9 +72,24 @@ def test_four_short_runs_are_enough_for_effects_far_above_the_noise() -> None:
     assert set(result.effects) == {"kinematic-error", "cogging"}
 
 
-def test_short_runs_without_effect_give_none() -> None:
+def test_where_nothing_tells_noise_from_structure_the_verdict_is_not_none_and_what_is_missing_is_said() -> None:
     result = trace([short_run(f"r{seed}", seed, 0.0, 0.0) for seed in range(4)], dut(), LoopOptions())
+    assert (result.verdict, result.effects) == (Verdict.UNTRACED, ())
+    (told,) = result.open
+    assert told.evidence["missing"] == ["replicate runs", "a dwell of 2 s before the first motion of every run"]
+    assert "no equation has a floor" in str(told.evidence["meaning"])
+    assert told.next_experiment is not None
+    assert told.next_experiment.command == "rig run free-run --repeat 2"
+
+
+def test_short_runs_without_effect_that_were_repeated_give_none() -> None:
+    runs = [
+        replace(short_run(f"r{seed}", seed, 0.0, 0.0, speed=20.0 + seed // 2), replicate=f"pair-{seed // 2}")
+        for seed in range(4)
+    ]
+    result = trace(runs, dut(), LoopOptions())
     assert (result.verdict, result.effects) == (Verdict.NONE, ())
+    assert all(item.held_out is not None and item.held_out.floor is not None for item in result.equations.values())
 
 
 def test_structure_without_replicates_is_untraced_and_says_what_is_not_known() -> None:
