@@ -225,6 +225,29 @@ def test_a_device_that_cannot_be_is_refused_in_the_models_file(tmp_path):
     assert refused(model().model_copy(update={"dut": dut}), tmp_path)[0][0] == "dut.gear.T1"
 
 
+def edited(folder: Path, written: Model, place: tuple[str | int, ...], value: object) -> list[tuple[str, str]]:
+    """Give what is refused of a model file in which `value` stands at `place`."""
+    path = folder / "model.json"
+    write_model(written, path)
+    content = json.loads(path.read_text())
+    inner = content
+    for key in place[:-1]:
+        inner = inner[key]
+    inner[place[-1]] = value
+    path.write_text(json.dumps(content))
+    with pytest.raises(ConfigError) as caught:
+        load_model(path)
+    return [(mistake.path, mistake.rule) for mistake in caught.value.mistakes]
+
+
+@pytest.mark.parametrize("value", [{}, {"value": 3.9}, [], True, "3.9", 10**400])
+@pytest.mark.parametrize("name", ["T1", "T2"])
+def test_what_is_no_number_in_a_models_device_is_refused_by_name(name, value, tmp_path):
+    ((path, rule),) = edited(tmp_path, model(), ("dut", "gear", name), value)
+    assert path == f"dut.gear.{name}"
+    assert "number" in rule
+
+
 def test_running_and_predicting_refuse_a_model_alike(tmp_path):
     path = tmp_path / "model.json"
     write_model(model(shape_effect("creep", {"amplitude": ModelEstimate(value=-1.0, unit="1")})), path)
