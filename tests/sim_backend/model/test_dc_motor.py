@@ -64,6 +64,8 @@ def test_a_motor_that_cannot_be_is_refused():
         DcMotor(0.0, 1e-3, 0.2)
     with pytest.raises(ModelError, match="constant = nan"):
         DcMotor(1.0, 1e-3, math.nan)
+    with pytest.raises(ModelError, match=r"inductance = about 1e\+400 H is not possible.*at most 1e\+06 H"):
+        DcMotor(1.0, 10**400, 0.2)
     with pytest.raises(ModelError, match=r"drag = 1.0 N\*m\*s/rad with resistance = 1.0 ohm: at most 0.0105"):
         motor_from_speeds(TABLE_2[1:], 1.0)
 
