@@ -2,6 +2,7 @@
 
 import math
 import sys
+from collections.abc import Sequence
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,11 @@ def number_of(value: object) -> float | None:
         return float(value)
     except OverflowError:
         return -math.inf if value < 0 else math.inf
+
+
+def is_series(values: object) -> bool:
+    """Tell whether these are several values, such as a tuple or a list, and no text."""
+    return isinstance(values, Sequence) and not isinstance(values, str)
 
 
 def require(

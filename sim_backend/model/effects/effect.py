@@ -8,7 +8,7 @@ the base terms are in the plant in another form: the inverses of their springs, 
 
 import inspect
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
@@ -16,7 +16,7 @@ from types import MappingProxyType
 from typing import Protocol
 
 from sim_backend.errors import ModelError, shown
-from sim_backend.model.checks import number_of
+from sim_backend.model.checks import is_series, number_of
 
 DERIVED_SIGNALS: Mapping[str, str] = MappingProxyType(
     {
@@ -194,7 +194,7 @@ def _check_kinds(effect: object, values: object) -> None:
     """Raise ModelError unless these are an effect and several values, whatever the values are."""
     if not isinstance(effect, Effect):
         raise ModelError(f"effect = {shown(effect)} is not possible: it must be an Effect, such as CATALOGUE['creep'].")
-    if not isinstance(values, Sequence) or isinstance(values, str):
+    if not is_series(values):
         raise ModelError(
             f"{effect.id}: values = {shown(values)} are not possible: they must be a tuple with a number for each of "
             f"{', '.join(map(_wanted, effect.parameters))}; {effect.equation} needs them."
