@@ -1,5 +1,21 @@
 """Errors of the simulated bench; it shares no code with the drivers, the application translates them."""
 
+import math
+
+_MOST_SHOWN = 60
+"""Characters of a value in a message."""
+
+
+def shown(value: object) -> str:
+    """Give a value as a message shows it: short, also a whole number of hundreds of digits or a long list."""
+    if isinstance(value, int) and abs(value) > 10**_MOST_SHOWN:  # of 4300 digits Python would print none
+        return f"about {'-' if value < 0 else ''}1e+{math.floor(math.log10(abs(value)))}"
+    try:
+        text = repr(value)
+    except ValueError:  # such a number within a list
+        return f"a {type(value).__name__}"
+    return text if len(text) <= _MOST_SHOWN else f"{text[:_MOST_SHOWN]}..."
+
 
 class ModelError(ValueError):
     """A parameter or a state that the model cannot have. The message names it, its value, unit and range."""
@@ -17,8 +33,8 @@ class NotFiniteError(ModelError):
 class ParameterError(ModelError):
     """One number that the model cannot have, with the facts of the message: `rule` is range, unit and equation."""
 
-    def __init__(self, name: str, value: float, unit: str, rule: str) -> None:
-        super().__init__(f"{f'{name} = {value!r} {unit}'.rstrip()} is not possible: it {rule}.")
+    def __init__(self, name: str, value: object, unit: str, rule: str) -> None:
+        super().__init__(f"{f'{name} = {shown(value)} {unit}'.rstrip()} is not possible: it {rule}.")
         self.name = name
         self.value = value
         self.unit = unit

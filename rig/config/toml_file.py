@@ -205,9 +205,13 @@ def _without(data: object, places: Iterable[Sequence[str | int]]) -> object:
         if place and place[0] in data:
             inner.setdefault(place[0], []).append(place[1:])
     return {
-        key: value if key not in inner else _without(value, inner[key]) if isinstance(value, Mapping) else None
+        key: value if key not in inner else None if () in inner[key] else _without_inner(value, inner[key])
         for key, value in data.items()
     }
+
+
+def _without_inner(value: object, places: Iterable[Sequence[str | int]]) -> object:
+    return _without(value, places) if isinstance(value, Mapping) else None
 
 
 def _syntax_mistake(text: str, message: str) -> Mistake:

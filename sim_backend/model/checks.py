@@ -1,17 +1,35 @@
 """Checks of numbers that a model is made of: possible or refused with the equation that needs them."""
 
 import math
-from typing import TYPE_CHECKING
+import sys
+from collections.abc import Sequence
+from numbers import Real
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
-from sim_backend.errors import ParameterError
+from sim_backend.errors import ModelError, ParameterError, shown
+
+
+def number_of(value: object) -> float | None:
+    """Give a number as a float, infinite where it is too large for one; None for anything else, and for True."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return None
+    try:
+        return float(value)
+    except OverflowError:
+        return -math.inf if value < 0 else math.inf
+
+
+def is_series(values: object) -> bool:
+    """Tell whether these are several values, such as a tuple or a list, and no text."""
+    return isinstance(values, Sequence) and not isinstance(values, str)
 
 
 def require(
     name: str,
-    value: float,
+    value: object,
     unit: str,
     equation: str,
     *,
@@ -20,30 +38,64 @@ def require(
     high: float = math.inf,
     below: float = math.inf,
 ) -> None:
-    """Raise ParameterError unless `value` is finite, >= low, > above, <= high, < below; `equation` needs it."""
-    if math.isfinite(value) and above < value < below and low <= value <= high:
+    """Raise ModelError unless `value` is a number, finite, >= low, > above, <= high, < below; `equation` needs it.
+
+    What is a number but none of these is a ParameterError.
+    """
+    number = number_of(value)
+    if number is not None and math.isfinite(number) and above < number < below and low <= number <= high:
         return
+    if isinstance(value, int) and number == math.inf:  # finite, but for no float
+        high = min(high, sys.float_info.max)
+    elif isinstance(value, int) and number == -math.inf:
+        low = max(low, -sys.float_info.max)
     limits = (("at least", low), ("above", above), ("at most", high), ("below", below))
     wanted = [f"{word} {limit:.6g}" for word, limit in limits if math.isfinite(limit)]
     bounds = f"{_listed(wanted)} {unit}".rstrip() if wanted else "finite"
-    if not math.isfinite(value) and wanted:
+    if number is None:
+        what = f"{name} = {shown(value)} is no number: it must be one, {bounds}"
+        raise ModelError(f"{what if wanted else f'{what} {unit}'.rstrip()}; {equation} needs it.")
+    if not (math.isfinite(number) or isinstance(value, int)) and wanted:
         bounds = f"finite{', ' if len(wanted) > 1 else ' and '}{bounds}"
     raise ParameterError(name, value, unit, f"must be {bounds}; {equation} needs it")
 
 
 def require_all(
-    name: str, values: "ArrayLike", unit: str, equation: str, *, low: float = -math.inf, above: float = -math.inf
+    name: str,
+    values: "ArrayLike",
+    unit: str,
+    equation: str,
+    *,
+    low: float = -math.inf,
+    above: float = -math.inf,
+    high: float = math.inf,
 ) -> None:
-    """Raise ParameterError as `require` for the first of `values` that is not possible, with its place if any."""
+    """Raise ModelError as `require` for the first of `values` that is not possible, with its place if any."""
     import numpy as np  # heavy, and single numbers do without it
 
-    array = np.asarray(values, dtype=np.float64)
-    wrong = ~(np.isfinite(array) & (array >= low) & (array > above))
-    if not wrong.any():
-        return
-    place = tuple(int(index) for index in np.argwhere(wrong)[0])
-    at = f"[{', '.join(map(str, place))}]" if place else ""
-    require(f"{name}{at}", float(array[place]), unit, equation, low=low, above=above)
+    array = _array(name, values, unit, equation)
+    if array.dtype.kind in "fiu":
+        wrong = ~(np.isfinite(array) & (array >= low) & (array > above) & (array <= high))
+        places = np.argwhere(wrong)[:1].tolist()
+        array = array.astype(np.float64)
+    else:  # among them something that is no number, or an integer too large for an array
+        array = np.array(values, dtype=np.object_)
+        places = np.argwhere(np.ones(array.shape, dtype=np.bool_)).tolist()
+    for place in places:
+        at = f"[{', '.join(map(str, place))}]" if place else ""
+        value = array[tuple(place)]
+        one = float(value) if array.dtype.kind == "f" else value
+        require(f"{name}{at}", one, unit, equation, low=low, above=above, high=high)
+
+
+def _array(name: str, values: "ArrayLike", unit: str, equation: str) -> "NDArray[Any]":
+    import numpy as np
+
+    try:
+        return np.asarray(values)
+    except ValueError:
+        what = f"{name} = {shown(values)} is no series of numbers: it must be rows of one length"
+        raise ModelError(f"{what}, {unit}".rstrip(", ") + f"; {equation} needs it.") from None
 
 
 def _listed(words: list[str]) -> str:

@@ -14,7 +14,7 @@ T_F acts on the flexspline output from outside, T_w is what the wave generator e
 that T_w = -motor_torque at rest and torsion = f(output_torque) + g(motor_torque)/N in logged signals.
 
 For scalars and arrays alike; the laws (24) and (27) are those of the catalogue's base terms. Parameters that no spring
-can have raise ModelError.
+can have, those outside `limits`, raise ModelError.
 Source: Zhang, Ahmad & Liu, "Modeling of Torsional Compliance and Hysteresis Behaviors in Harmonic Drives".
 """
 
@@ -28,10 +28,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_backend.errors import ModelError
+from sim_backend.model import limits
 from sim_backend.model.checks import require
 from sim_backend.model.effects.flexspline_compliance import flexspline_compliance
 from sim_backend.model.effects.wave_generator_compliance import wave_generator_compliance
 from sim_backend.model.estimation import check_torques
+from sim_backend.model.limits import require_within
 
 Floats = NDArray[np.float64]
 
@@ -45,27 +47,23 @@ class Compliance(StrEnum):
 
 
 def check_flexspline(K_F0: float, C_F: float) -> None:
-    """Raise ModelError for parameters that the law (24) cannot have."""
-    require("K_F0", K_F0, "N*m/rad", "f(T_F) = arctan(C_F T_F)/(C_F K_F0), Zhang (24),", above=0.0)
-    require("C_F", C_F, "1/(N*m)", "f(T_F) = arctan(C_F T_F)/(C_F K_F0), Zhang (24),", above=0.0)
+    """Raise ModelError for parameters that the law (24) cannot have: outside `limits.DRIVE`."""
+    require_within(limits.DRIVE, {"K_F0": K_F0, "C_F": C_F})
 
 
 def check_wave_generator(K_w0: float, C_w: float) -> None:
-    """Raise ModelError for parameters that the law (27) cannot have."""
-    require("K_w0", K_w0, "N*m/rad", "g(T_w) = (1 - exp(-C_w |T_w|))/(C_w K_w0), Zhang (27),", above=0.0)
-    require("C_w", C_w, "1/(N*m)", "g(T_w) = (1 - exp(-C_w |T_w|))/(C_w K_w0), Zhang (27),", above=0.0)
+    """Raise ModelError for parameters that the law (27) cannot have: outside `limits.DRIVE`."""
+    require_within(limits.DRIVE, {"K_w0": K_w0, "C_w": C_w})
 
 
 def check_cubic(a1: float, a3: float) -> None:
-    """Raise ModelError for parameters that the law (10) cannot have."""
-    require("a1", a1, "N*m/rad", "T = a1 f + a3 f^3, Zhang (10),", above=0.0)
-    require("a3", a3, "N*m/rad^3", "T = a1 f + a3 f^3, Zhang (10), which must not fall,", low=0.0)
+    """Raise ModelError for parameters that the law (10) cannot have: outside `limits.CUBIC`."""
+    require_within(limits.CUBIC, {"a1": a1, "a3": a3})
 
 
 def check_piecewise(K1: float, K2: float, K3: float, T1: float, T2: float) -> None:
-    """Raise ModelError for parameters that the law (11) cannot have."""
-    for name, stiffness in (("K1", K1), ("K2", K2), ("K3", K3)):
-        require(name, stiffness, "N*m/rad", "f = T/K1 up to T1, Zhang (11),", above=0.0)
+    """Raise ModelError for parameters that the law (11) cannot have: outside `limits.PIECEWISE`, or T1 >= T2."""
+    require_within(limits.PIECEWISE, {"K1": K1, "K2": K2, "K3": K3, "T1": T1, "T2": T2})
     check_torques(T1, T2)
 
 
@@ -108,13 +106,14 @@ def cubic_torsion(torque: Floats, a1: float, a3: float) -> Floats:
     check_cubic(a1, a3)
     if a3 == 0.0:
         return torque / a1
-    size = math.sqrt(a1 / (3.0 * a3))
+    size = math.sqrt(a1) / math.sqrt(3.0 * a3)  # the quotient itself would be infinite for the smallest a3
     return 2.0 * size * np.sinh(np.arcsinh(1.5 * torque / (a1 * size)) / 3.0)
 
 
 def cubic_stiffness(torque: Floats, a1: float, a3: float) -> Floats:
     """Local stiffness, N*m/rad, at an output torque in N*m: the slope of (10)."""
-    return a1 + 3.0 * a3 * np.square(cubic_torsion(torque, a1, a3))
+    torsion = cubic_torsion(torque, a1, a3)
+    return a1 + 3.0 * a3 * np.square(torsion)
 
 
 def piecewise_torsion(torque: Floats, K1: float, K2: float, K3: float, T1: float, T2: float) -> Floats:
@@ -205,5 +204,6 @@ def total_torsion(flexspline: Floats, wave_generator_torque: Floats, ratio: floa
 
     flexspline: its torsion, rad, after any of the laws. wave_generator_torque: T_w, N*m, as it acts back on the motor.
     """
-    require("ratio", ratio, "", "torsion = f(T_F) - g(T_w)/N, Zhang (28),", low=1.0)
+    _, low, high, _ = limits.RATIO
+    require("ratio", ratio, "", "torsion = f(T_F) - g(T_w)/N, Zhang (28),", low=low, high=high)
     return flexspline - wave_generator_torsion(wave_generator_torque, K_w0, C_w) / ratio

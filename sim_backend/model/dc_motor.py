@@ -9,7 +9,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from sim_backend.errors import ModelError
+from sim_backend.errors import ModelError, shown
+from sim_backend.model.checks import is_series
 from sim_backend.model.limits import Limit, require_within
 
 RPM = 2.0 * math.pi / 60.0
@@ -98,13 +99,18 @@ def motor_from_speeds(
 
 
 def _require_rows(rows: Sequence[tuple[float, float]]) -> None:
+    pair = (
+        f"pair of a voltage ({ROW_VOLTAGE.low:g} to {ROW_VOLTAGE.high:g} V) and a speed "
+        f"({ROW_SPEED.low:g} to {ROW_SPEED.high:g} rad/s); {_TABLE} needs it."
+    )
+    if not is_series(rows):
+        raise ModelError(f"rows = {shown(rows)} is not possible: it must be a sequence with at least one {pair}")
     if not rows:
-        raise ModelError(
-            "rows is empty: it must have at least one pair of a voltage "
-            f"({ROW_VOLTAGE.low:g} to {ROW_VOLTAGE.high:g} V) and a speed "
-            f"({ROW_SPEED.low:g} to {ROW_SPEED.high:g} rad/s); {_TABLE} needs it."
-        )
-    for place, (voltage, speed) in enumerate(rows):
+        raise ModelError(f"rows is empty: it must have at least one {pair}")
+    for place, row in enumerate(rows):
+        if not is_series(row) or len(row) != len(("voltage", "speed")):
+            raise ModelError(f"rows[{place}] = {shown(row)} is not possible: it must be a {pair}")
+        voltage, speed = row
         names = f"rows[{place}] voltage", f"rows[{place}] speed"
         limits = dict(zip(names, (ROW_VOLTAGE, ROW_SPEED), strict=True))
         require_within(limits, dict(zip(names, (voltage, speed), strict=True)))

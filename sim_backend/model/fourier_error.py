@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_backend.errors import ModelError
+from sim_backend.errors import ModelError, shown
+from sim_backend.model.checks import is_series, require, require_all
 
 Floats = NDArray[np.float64]
 
@@ -24,6 +25,15 @@ TURN = 2.0 * math.pi
 LEAST_SAMPLES = 4
 """Samples per cycle of the highest order, below which its integral means nothing."""
 
+MOST_ORDERS = 100_000
+"""Far more than any record tells apart."""
+
+LARGEST = 1e100
+"""rad, of a coefficient; its square is still a number."""
+
+FURTHEST, LARGEST_ERROR = 1e12, 1e50
+"""rad; of an angle and an error of a record, whose integral is still a coefficient."""
+
 
 @dataclass(frozen=True, slots=True)
 class FourierError:
@@ -34,10 +44,18 @@ class FourierError:
     b: tuple[float, ...]
 
     def __post_init__(self) -> None:
+        for name, values in (("a", self.a), ("b", self.b)):
+            if not is_series(values):
+                raise ModelError(
+                    f"{name} = {shown(values)} is not possible: it must be a tuple with a number (rad) for each order "
+                    f"from 1 on; (17) needs it."
+                )
         if len(self.a) != len(self.b):
             raise ModelError(f"{len(self.a)} a_n and {len(self.b)} b_n were given; (17) needs as many of each.")
-        if not all(math.isfinite(value) for value in self.coefficients):
-            raise ModelError(f"coefficients {self.coefficients} rad must be finite; (17) needs them.")
+        orders = range(1, len(self.a) + 1)
+        names = ("a_0", *(f"a_{n}" for n in orders), *(f"b_{n}" for n in orders))
+        for name, value in zip(names, self.coefficients, strict=True):
+            require(name, value, "rad", "(17)", low=-LARGEST, high=LARGEST)
 
     @property
     def coefficients(self) -> tuple[float, ...]:
@@ -68,15 +86,15 @@ def identify(motor_position: Floats, error: Floats, orders: int = ORDERS) -> Fou
 
     motor_position: rad, shape (n,), in order of time; neither evenly spaced nor free of jitter: the integral runs along
     the path, and an angle that is passed three times counts once. Trapezoidal rule: the error falls with the square of
-    the spacing, and faster where it is even. Raises ModelError if the record is shorter than a turn or too coarse.
+    the spacing, and faster where it is even. Raises ModelError if the record is shorter than a turn or
+    too coarse, a value beyond +-`FURTHEST` or +-`LARGEST_ERROR`, or `orders` no whole number from 1 to `MOST_ORDERS`.
     """
+    require_all("motor_position", motor_position, "rad", "(18), (19)", low=-FURTHEST, high=FURTHEST)
+    require_all("error", error, "rad", "(18), (19)", low=-LARGEST_ERROR, high=LARGEST_ERROR)
+    orders = _whole("orders", orders)
     angle, value = np.asarray(motor_position, dtype=np.float64), np.asarray(error, dtype=np.float64)
     if angle.ndim != 1 or angle.shape != value.shape:
         raise ModelError(f"motor_position {angle.shape} and error {value.shape} must be two series of one length.")
-    if not (np.all(np.isfinite(angle)) and np.all(np.isfinite(value))):
-        raise ModelError("motor_position and error must be finite; (18) and (19) integrate them.")
-    if orders < 1:
-        raise ModelError(f"orders = {orders} must be at least 1; (17) needs them.")
     angle, value, turns = whole_turns(angle, value)
     step = np.diff(angle)
     if np.max(np.abs(step)) > TURN / (LEAST_SAMPLES * orders):
@@ -91,6 +109,14 @@ def identify(motor_position: Floats, error: Floats, orders: int = ORDERS) -> Fou
     phases = np.multiply.outer(np.arange(1, orders + 1), angle)
     a, b = np.cos(phases) @ weighted, np.sin(phases) @ weighted
     return FourierError(float(np.sum(weighted)), tuple(a.tolist()), tuple(b.tolist()))
+
+
+def _whole(name: str, value: int) -> int:
+    """Give a count of orders; raise ModelError unless it is a whole number that can be."""
+    require(name, value, "", "(17)", low=1.0, high=MOST_ORDERS)
+    if not float(value).is_integer():
+        raise ModelError(f"{name} = {shown(value)} must be a whole number from 1 to {MOST_ORDERS}; (17) needs it.")
+    return int(value)
 
 
 def whole_turns(angle: Floats, value: Floats) -> tuple[Floats, Floats, int]:

@@ -12,8 +12,12 @@ generator takes in leaves at the other two: T_w omega_w = T_c omega_c + T_F omeg
 from enum import StrEnum
 from typing import NamedTuple
 
-from sim_backend.errors import ModelError
+from sim_backend.errors import ModelError, shown
 from sim_backend.model.checks import require
+from sim_backend.model.limits import RATIO
+
+LARGEST = 1e100
+"""rad, rad/s or N*m of a member that is given: beyond any, and with every ratio the others and the power are finite."""
 
 
 class Member(StrEnum):
@@ -41,17 +45,16 @@ def motion(
 ) -> Members:
     """Give the angles or speeds of all three members from those of any two; (1), (2).
 
-    A member that is held is given as 0. Raises ModelError unless exactly two are given and finite, or if `ratio` is
-    below 1.
+    A member that is held is given as 0. Raises ModelError unless exactly two are given, each within +-`LARGEST`, or
+    if `ratio` is outside `limits.RATIO`.
     """
     N = _ratio(ratio)
-    _finite("rad or rad/s", "(1)", wave_generator, circular_spline, flexspline)
-    match wave_generator, circular_spline, flexspline:
-        case None, float() | int() as c, float() | int() as f:
+    match _given("rad or rad/s", "(1)", wave_generator, circular_spline, flexspline):
+        case None, float(c), float(f):
             return Members((N + 1.0) * c - N * f, c, f)
-        case float() | int() as w, None, float() | int() as f:
+        case float(w), None, float(f):
             return Members(w, (w + N * f) / (N + 1.0), f)
-        case float() | int() as w, float() | int() as c, None:
+        case float(w), float(c), None:
             return Members(w, c, ((N + 1.0) * c - w) / N)
         case _:
             raise ModelError("Equation (1) gives the third member from two: name exactly two of the three.")
@@ -66,16 +69,15 @@ def torques(
 ) -> Members:
     """Give the torques of all three members from that of any one, N*m; (3).
 
-    Raises ModelError unless exactly one is given and finite, or if `ratio` is below 1.
+    Raises ModelError unless exactly one is given, within +-`LARGEST`, or if `ratio` is outside `limits.RATIO`.
     """
     N = _ratio(ratio)
-    _finite("N*m", "(3)", wave_generator, circular_spline, flexspline)
-    match wave_generator, circular_spline, flexspline:
-        case float() | int() as w, None, None:
+    match _given("N*m", "(3)", wave_generator, circular_spline, flexspline):
+        case float(w), None, None:
             return Members(w, (N + 1.0) * w, -N * w)
-        case None, float() | int() as c, None:
+        case None, float(c), None:
             return Members(c / (N + 1.0), c, -N * c / (N + 1.0))
-        case None, None, float() | int() as f:
+        case None, None, float(f):
             return Members(-f / N, -(N + 1.0) * f / N, f)
         case _:
             raise ModelError("Equation (3) gives all torques from one: name exactly one of the three.")
@@ -85,9 +87,12 @@ def speed_ratio(ratio: float, held: Member) -> float:
     """Give the speed of the input over that of the output with one member held; negative: they turn opposed.
 
     Circular spline held: wave generator over flexspline, -N. Flexspline held: wave generator over circular spline,
-    N+1. Wave generator held: flexspline over circular spline, (N+1)/N.
+    N+1. Wave generator held: flexspline over circular spline, (N+1)/N. Raises ModelError if `held` is no member, or
+    `ratio` outside `limits.RATIO`.
     """
     N = _ratio(ratio)
+    if held not in tuple(Member):
+        raise ModelError(f"held = {shown(held)} is no member of the drive: it must be one of {', '.join(Member)}.")
     match held:
         case Member.CIRCULAR_SPLINE:
             return -N
@@ -98,7 +103,12 @@ def speed_ratio(ratio: float, held: Member) -> float:
 
 
 def power_surplus(torque: Members, speed: Members) -> float:
-    """Give T_w omega_w - T_c omega_c - T_F omega_F, W: zero for torques after (3) and speeds after (2)."""
+    """Give T_w omega_w - T_c omega_c - T_F omega_F, W: zero for torques after (3) and speeds after (2).
+
+    Raises ModelError for anything but numbers within +-`LARGEST` times the largest ratio.
+    """
+    _require_members("torque", torque, "N*m")
+    _require_members("speed", speed, "rad/s")
     return (
         torque.wave_generator * speed.wave_generator
         - torque.circular_spline * speed.circular_spline
@@ -111,18 +121,28 @@ def wave_generator_torque(ratio: float, flexspline: float, friction: float) -> f
 
     flexspline: torque at the output, N*m. friction: torque T_Fr of dry friction there, N*m, signed.
     """
-    require("flexspline", flexspline, "N*m", "equation (9)")
-    require("friction", friction, "N*m", "equation (9)")
+    require("flexspline", flexspline, "N*m", "equation (9)", low=-LARGEST, high=LARGEST)
+    require("friction", friction, "N*m", "equation (9)", low=-LARGEST, high=LARGEST)
     return -(flexspline - friction) / _ratio(ratio)
 
 
 def _ratio(ratio: float) -> float:
-    require("ratio", ratio, "", "equation (1)", low=1.0, high=1e9)
+    require("ratio", ratio, "", "equation (1)", low=RATIO.low, high=RATIO.high)
     return float(ratio)
 
 
-def _finite(unit: str, equation: str, *values: float | None) -> None:
-    """Raise ModelError unless each of the members' values, in the order of `Members`, is finite or not given."""
+def _given(unit: str, equation: str, *values: float | None) -> tuple[float | None, ...]:
+    """Give the members' values, in the order of `Members`; raise ModelError unless each is possible or not given."""
     for name, value in zip(Members._fields, values, strict=True):
         if value is not None:
-            require(name, value, unit, f"equation {equation}")
+            require(name, value, unit, f"equation {equation}", low=-LARGEST, high=LARGEST)
+    return tuple(None if value is None else float(value) for value in values)
+
+
+def _require_members(name: str, members: Members, unit: str) -> None:
+    if not isinstance(members, Members):
+        wanted = f"Members with a number ({unit}) for each of {', '.join(Members._fields)}"
+        raise ModelError(f"{name} = {shown(members)} is not possible: it must be {wanted}; equation (3) needs it.")
+    largest = 3.0 * RATIO.high * LARGEST
+    for member, value in zip(Members._fields, members, strict=True):
+        require(f"{name}.{member}", value, unit, "equation (3)", low=-largest, high=largest)

@@ -11,25 +11,36 @@ Source: Zhang, Ahmad & Liu 2014, figures 4 to 6.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_backend.model.checks import require, require_all
+from sim_backend.errors import ModelError, shown
+from sim_backend.model.checks import require_all
 from sim_backend.model.friction import play
+from sim_backend.model.limits import BENCH, Limit, require_within
 from sim_backend.model.parameters import HarmonicDrive
 
 Floats = NDArray[np.float64]
 
 _MASS = "m x'' + c x' + K_b x = F - friction, Delta X = F/K_a + F_b/K_b,"
-_UNITS = {
-    "K_a": "N/m or N*m/rad",
-    "K_b": "N/m or N*m/rad",
-    "friction": "N or N*m",
-    "mass": "kg or kg*m^2",
-    "damping": "N*s/m or N*m*s/rad",
+
+LIMITS: Mapping[str, Limit] = {
+    "K_a": Limit("N/m or N*m/rad", 1e-9, 1e24, _MASS),
+    "K_b": Limit("N/m or N*m/rad", 1e-9, 1e24, _MASS),
+    "friction": Limit("N or N*m", 0.0, 1e24, _MASS),
+    "mass": Limit("kg or kg*m^2", 1e-24, 1e24, _MASS),
+    "damping": Limit("N*s/m or N*m*s/rad", 0.0, 1e24, _MASS),
 }
+"""Springs, friction and mass: wide enough for the analogue of every drive within `limits`."""
+
+INERTIA = Limit("kg*m^2", BENCH["rotor_inertia"].low, 2.0 * BENCH["rotor_inertia"].high, "m = N^2 (J_m + J_wg)")
+STEP = Limit("s", 1e-12, 1e6, "the implicit Euler step")
+
+LARGEST_FORCE = 1e24
+"""N or N*m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,9 +54,7 @@ class TwoSprings:
     damping: float = 0.0
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            lowest = {"low": 0.0} if item.name in ("friction", "damping") else {"above": 0.0}
-            require(item.name, getattr(self, item.name), _UNITS[item.name], _MASS, **lowest)
+        require_within(LIMITS, {item.name: getattr(self, item.name) for item in fields(self)})
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +70,12 @@ def analogue_of(drive: HarmonicDrive, motor_inertia: float) -> TwoSprings:
     """Give the analogue of a drive at small torque: angles for displacements, all at the output.
 
     motor_inertia: rotor and wave generator, kg*m^2 at the motor. The mass is damped so that it does not ring on spring
-    b: friction and stiffness, which are the picture's point, are all that shows.
+    b: friction and stiffness, which are the picture's point, are all that shows. Raises ModelError if `drive` is none
+    or the inertia outside `INERTIA`.
     """
+    if not isinstance(drive, HarmonicDrive):
+        raise ModelError(f"drive = {shown(drive)} is not possible: it must be a HarmonicDrive; {_MASS} needs it.")
+    require_within({"motor_inertia": INERTIA}, {"motor_inertia": motor_inertia})
     mass = drive.ratio**2 * motor_inertia
     return TwoSprings(
         K_a=drive.ratio**2 * drive.K_w0,
@@ -75,7 +88,7 @@ def analogue_of(drive: HarmonicDrive, motor_inertia: float) -> TwoSprings:
 
 def quasi_static(force: Floats, springs: TwoSprings) -> Path:
     """Give the path under a force (n,) that changes slowly, from rest without force: F_b = play(F; F_fr)."""
-    require_all("force", force, "N or N*m", _MASS)
+    _require_force(force)
     return _path(force, play(force, springs.friction), springs)
 
 
@@ -83,11 +96,11 @@ def moving(force: Floats, step: float, springs: TwoSprings) -> Path:
     """Give the path under a force (n,) sampled every `step` (s), from rest without force, with the mass moving.
 
     The implicit Euler step solves for the speed with friction as its return mapping: the mass stops where friction
-    can take up what is left of its momentum. Of first order in the step. Raises ModelError if `step` is not positive
-    or a force not finite.
+    can take up what is left of its momentum. Of first order in the step. Raises ModelError if `step` is outside `STEP`
+    or a force beyond +-`LARGEST_FORCE`.
     """
-    require("step", step, "s", "the implicit Euler step", above=0.0)
-    require_all("force", force, "N or N*m", _MASS)
+    require_within({"step": STEP}, {"step": step})
+    _require_force(force)
     s = springs
     carried = s.mass + step * s.damping + step**2 * s.K_b
     most = step * s.friction
@@ -99,6 +112,13 @@ def moving(force: Floats, step: float, springs: TwoSprings) -> Path:
         position += step * speed
         F_b.append(s.K_b * position)
     return _path(force, np.array(F_b), springs)
+
+
+def _require_force(force: Floats) -> None:
+    """Raise ModelError unless this is one series of possible forces."""
+    require_all("force", force, "N or N*m", _MASS, low=-LARGEST_FORCE, high=LARGEST_FORCE)
+    if np.ndim(force) != 1:
+        raise ModelError(f"force has {np.ndim(force)} dimensions; it must be one series (N or N*m); {_MASS} needs it.")
 
 
 def _path(force: Floats, F_b: Floats, springs: TwoSprings) -> Path:

@@ -5,30 +5,30 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from rig.config.dut import Dut
-from rig.config.toml_file import FileModel
+from rig.config.toml_file import FileModel, whole_number_is_a_number
 from sim_backend.model.compliance import Compliance
 
-Whole = Annotated[float, Field(strict=False)]
-"""A number; JSON writes 100.0 as it likes."""
+Number = Annotated[float, BeforeValidator(whole_number_is_a_number)]
+"""A number; JSON may write 100.0 as 100. Neither true nor a text is one."""
 
 
 class ModelEstimate(FileModel):
     """A value with its 95 % interval (null: none) and unit."""
 
-    value: Whole
-    ci95: tuple[Whole, Whole] | None = Field(default=None, strict=False)
+    value: Number
+    ci95: tuple[Number, Number] | None = Field(default=None, strict=False)
     unit: str
 
 
 class ModelLine(FileModel):
     """One line: cycles per revolution of the variable, amplitude in the term's unit, phase rad."""
 
-    order: Whole
-    amplitude: Whole
-    phase: Whole
+    order: Number
+    amplitude: Number
+    phase: Number
 
 
 class ModelEffect(FileModel):
@@ -62,7 +62,7 @@ class ModelBase(FileModel):
     """
 
     model: BaseName
-    ratio: Annotated[Whole, Field(ge=1, le=1e6)] | None
+    ratio: Annotated[Number, Field(ge=1, le=1e6)] | None
     parameters: dict[str, ModelEstimate]
 
     @property

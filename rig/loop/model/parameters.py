@@ -17,6 +17,7 @@ from rig.config.dut import Dut, Gear
 from sim_backend.errors import ModelError
 from sim_backend.model.compliance import LAWS, Compliance
 from sim_backend.model.estimation import cubic_from_catalogue
+from sim_backend.model.limits import CUBIC, DRIVE, PIECEWISE, Limit
 
 Floats = NDArray[np.float64]
 
@@ -52,8 +53,8 @@ class ParameterTable:
         return tuple(entry.name for entry in self.entries)
 
     def start(self) -> Floats:
-        """Start values, SI, shape (p,)."""
-        return np.array([entry.centre if entry.start is None else entry.start for entry in self.entries])
+        """Start values, SI, shape (p,); those of the compliance laws within what the laws can have."""
+        return np.array([_possible(e.name, e.centre if e.start is None else e.start) for e in self.entries])
 
     def centre(self) -> Floats:
         """Centres of the priors, SI, shape (p,)."""
@@ -75,6 +76,18 @@ class ParameterTable:
         """Give the same table with other start values where `values` has them."""
         return replace(self, entries=tuple(replace(e, start=values.get(e.name, e.start)) for e in self.entries))
 
+
+def _possible(name: str, value: float) -> float:
+    """Give the value nearest to this one that the laws can have: rough values of odd data lie anywhere."""
+    limit = _LAWS_LIMITS.get(name)
+    return value if limit is None else min(max(value, limit.low), limit.high)
+
+
+_LAWS_LIMITS: Mapping[str, Limit] = {
+    **{name: DRIVE[name] for name in ("K_F0", "C_F", "K_w0", "C_w")},
+    **CUBIC,
+    **PIECEWISE,
+}
 
 TYPICAL_RATIO = 100.0
 TYPICAL_STIFFNESS_TORQUES = (8.4e3, 9.4e3, 3.9, 12.0)

@@ -8,15 +8,15 @@ the base terms are in the plant in another form: the inverses of their springs, 
 
 import inspect
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
-from numbers import Real
 from types import MappingProxyType
 from typing import Protocol
 
-from sim_backend.errors import ModelError
+from sim_backend.errors import ModelError, shown
+from sim_backend.model.checks import is_series, number_of
 
 DERIVED_SIGNALS: Mapping[str, str] = MappingProxyType(
     {
@@ -177,14 +177,15 @@ class ActiveEffect:
                 f"{'missing are' if missing else 'it takes'} {wanted}; {self.effect.equation} needs them."
             )
         for parameter, value in zip(self.effect.parameters, self.values, strict=True):
-            if not _is_number(value):
+            number = number_of(value)
+            if number is None:
                 raise ModelError(
-                    f"{self.effect.id}: {parameter.name} = {value!r} is no number: it must be one from "
+                    f"{self.effect.id}: {parameter.name} = {shown(value)} is no number: it must be one from "
                     f"{parameter.low:g} to {parameter.high:g} {parameter.unit}; {self.effect.equation} needs it."
                 )
-            if not (math.isfinite(value) and parameter.low <= value <= parameter.high):
+            if not (math.isfinite(number) and parameter.low <= number <= parameter.high):
                 raise ModelError(
-                    f"{self.effect.id}: {parameter.name} = {value!r} {parameter.unit} is outside "
+                    f"{self.effect.id}: {parameter.name} = {shown(value)} {parameter.unit} is outside "
                     f"{parameter.low:g} to {parameter.high:g} {parameter.unit}; {self.effect.equation} needs it."
                 )
 
@@ -192,16 +193,12 @@ class ActiveEffect:
 def _check_kinds(effect: object, values: object) -> None:
     """Raise ModelError unless these are an effect and several values, whatever the values are."""
     if not isinstance(effect, Effect):
-        raise ModelError(f"effect = {effect!r} is not possible: it must be an Effect, such as CATALOGUE['creep'].")
-    if not isinstance(values, Sequence) or isinstance(values, str):
+        raise ModelError(f"effect = {shown(effect)} is not possible: it must be an Effect, such as CATALOGUE['creep'].")
+    if not is_series(values):
         raise ModelError(
-            f"{effect.id}: values = {values!r} are not possible: they must be a tuple with a number for each of "
+            f"{effect.id}: values = {shown(values)} are not possible: they must be a tuple with a number for each of "
             f"{', '.join(map(_wanted, effect.parameters))}; {effect.equation} needs them."
         )
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def _wanted(parameter: Parameter) -> str:

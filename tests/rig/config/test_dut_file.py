@@ -77,6 +77,16 @@ def test_a_wrong_number_is_told_its_range_unit_and_what_needs_it(line, rule):
     assert mistake.rule.startswith(rule)
 
 
+@pytest.mark.parametrize("value", ["{}", "{Nm = 3.9}", "[]", "[3.9]", "true", "'3.9'", "1979-05-27", "1" + 400 * "0"])
+@pytest.mark.parametrize(("name", "other"), [("T1", "T2 = 12.0"), ("T2", "T1 = 3.9")])
+def test_what_is_no_number_is_refused_by_name_before_it_is_compared_with_another(name, other, value):
+    with pytest.raises(ConfigError) as caught:
+        parse_toml(f'name = "x"\n[gear]\n{name} = {value}\n{other}', Dut, "dut.toml")
+    (mistake,) = caught.value.mistakes
+    assert mistake.path == f"gear.{name}"
+    assert "number" in mistake.rule
+
+
 def test_every_number_of_a_dut_states_what_needs_it():
     for table in (Gear, Motor, Output):
         for name in table.model_fields:

@@ -33,6 +33,7 @@ from rig.operator import SimulatedOperator
 from rig.session import Job, Provenance, Session, Watcher, run_jobs
 from rig.simulation import simulate
 from rig.stop import Stop
+from sim_backend.model import limits
 from sim_backend.model.compliance import LAWS, Compliance
 from sim_backend.model.parameters import Cubic, Piecewise
 from tests.rig.loop.runs import dut, make_run
@@ -299,3 +300,15 @@ def test_the_derivatives_of_the_older_laws_are_those_worked_out_by_hand():
     }
     for name, column in by_hand.items():
         assert columns[name][away] == pytest.approx((sign * column)[away], rel=1e-7, abs=1e-12), name
+
+
+@pytest.mark.parametrize("law", list(Compliance))
+@pytest.mark.parametrize("rough", [1e-200, 1e200])
+def test_a_fit_starts_within_what_the_laws_can_have_whatever_the_data_look_like(law, rough):
+    table = parameter_table(dut(), 100.0, law)
+    names = (*LAWS[law].parameters, "K_w0", "C_w")
+    values = dict(zip(table.names, table.with_start(dict.fromkeys(names, rough)).start().tolist(), strict=True))
+    ends = 1 if rough > 1.0 else 0
+    for name in names:
+        limit = {**limits.DRIVE, **limits.CUBIC, **limits.PIECEWISE}[name]
+        assert values[name] == (limit.low or rough, limit.high)[ends]  # a3 may be as small as it likes

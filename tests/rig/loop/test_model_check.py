@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -223,6 +224,59 @@ def test_a_viscous_friction_that_would_drive_is_refused(tmp_path):
 def test_a_device_that_cannot_be_is_refused_in_the_models_file(tmp_path):
     dut = parse_toml(SHD_17_100.replace("T1 = 3.9 ", "T1 = 1e-200 "), type(DUT), "dut.toml")
     assert refused(model().model_copy(update={"dut": dut}), tmp_path)[0][0] == "dut.gear.T1"
+
+
+def edited(folder: Path, written: Model, place: tuple[str | int, ...], value: object) -> list[tuple[str, str]]:
+    """Give what is refused of a model file in which `value` stands at `place`."""
+    path = folder / "model.json"
+    write_model(written, path)
+    content = json.loads(path.read_text())
+    inner = content
+    for key in place[:-1]:
+        inner = inner[key]
+    inner[place[-1]] = value
+    path.write_text(json.dumps(content))
+    with pytest.raises(ConfigError) as caught:
+        load_model(path)
+    return [(mistake.path, mistake.rule) for mistake in caught.value.mistakes]
+
+
+@pytest.mark.parametrize("value", [{}, {"value": 3.9}, [], True, "3.9", 10**400])
+@pytest.mark.parametrize("name", ["T1", "T2"])
+def test_what_is_no_number_in_a_models_device_is_refused_by_name(name, value, tmp_path):
+    ((path, rule),) = edited(tmp_path, model(), ("dut", "gear", name), value)
+    assert path == f"dut.gear.{name}"
+    assert "number" in rule
+
+
+NUMBERS = [
+    ("base", "ratio"),
+    ("base", "parameters", "K_F0", "value"),
+    ("base", "parameters", "K_F0", "ci95", 1),
+    ("effects", 0, "parameters", "order", "value"),
+    ("effects", 0, "lines", 0, "order"),
+    ("effects", 0, "lines", 0, "amplitude"),
+    ("effects", 0, "lines", 0, "phase"),
+]
+WHOLE = ModelEstimate(value=9e3, ci95=(8e3, 9e3), unit="N*m/rad")
+
+
+@pytest.mark.parametrize("value", [True, "3", "3e-5", [3.0], {}, 10**400])
+@pytest.mark.parametrize("place", NUMBERS, ids=lambda place: ".".join(map(str, place)))
+def test_what_is_no_number_in_a_model_is_refused_with_its_place(place, value, tmp_path):
+    mistakes = edited(tmp_path, model(line_effect("kinematic-error"), K_F0=WHOLE), place, value)
+    assert [path for path, _ in mistakes] == [".".join(map(str, place))]
+    assert "number" in mistakes[0][1]
+
+
+def test_a_whole_number_serves_in_a_model_where_a_real_one_is_meant(tmp_path):
+    written = model(line_effect("kinematic-error"), K_F0=WHOLE)
+    path = tmp_path / "model.json"
+    write_model(written, path)
+    text = path.read_text()
+    assert text.count(".0") >= 6
+    path.write_text(re.sub(r"(\d)\.0\b", r"\1", text))
+    assert load_model(path) == written
 
 
 def test_running_and_predicting_refuse_a_model_alike(tmp_path):

@@ -1,6 +1,7 @@
 """What a refused number says of itself."""
 
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -24,6 +25,61 @@ def test_a_refusal_says_what_the_number_would_have_to_be(value, limits, wanted):
     with pytest.raises(ModelError) as error:
         require("x", value, "rad", "(1)", **limits)
     assert str(error.value) == f"x = {value!r} rad is not possible: it must be {wanted}; (1) needs it."
+
+
+@pytest.mark.parametrize(
+    ("value", "limits", "message"),
+    [
+        (10**400, {}, "about 1e+400 rad is not possible: it must be at most 1.79769e+308 rad"),
+        (-(10**400), {}, "about -1e+400 rad is not possible: it must be at least -1.79769e+308 rad"),
+        (
+            10**5000,
+            {"above": 0.0},
+            "about 1e+5000 rad is not possible: it must be above 0 and at most 1.79769e+308 rad",
+        ),
+        (
+            10**400,
+            {"low": 0.0, "high": 1.0},
+            "about 1e+400 rad is not possible: it must be at least 0 and at most 1 rad",
+        ),
+        (None, {"above": 0.0}, "None is no number: it must be one, above 0 rad"),
+        ("1", {}, "'1' is no number: it must be one, finite rad"),
+        (1j, {"low": 0.0}, "1j is no number: it must be one, at least 0 rad"),
+        (True, {"low": 0.0}, "True is no number: it must be one, at least 0 rad"),
+        ([10**5000], {"low": 0.0}, "a list is no number: it must be one, at least 0 rad"),
+        ([1.0] * 50, {"low": 0.0}, f"{str([1.0] * 50)[:60]}... is no number: it must be one, at least 0 rad"),
+    ],
+    ids=range(10),
+)
+def test_what_is_no_number_or_too_large_for_one_is_refused_in_the_same_words(value, limits, message):
+    with pytest.raises(ModelError) as error:
+        require("x", value, "rad", "(1)", **limits)
+    assert str(error.value) == f"x = {message}; (1) needs it."
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ([0.0, 10**400], r"^x\[1\] = about 1e\+400 rad is not possible: it must be at most 2 rad; \(1\) needs it"),
+        ([0.0, "1"], r"^x\[1\] = '1' is no number"),
+        (["1", 0.0], r"^x\[0\] = '1' is no number"),
+        ([[0.0], [None]], r"^x\[1, 0\] = None is no number"),
+        ([1j], r"^x\[0\] = 1j is no number"),
+        (np.array([True]), r"^x\[0\] = True is no number"),
+        (None, r"^x = None is no number"),
+        ([[0.0], [0.0, 1.0]], r"^x = .* is no series of numbers: .* rows of one length"),
+        ([0.0, 3.0], r"^x\[1\] = 3\.0 rad is not possible: it must be at most 2 rad"),
+    ],
+)
+def test_of_a_series_too_the_first_that_is_no_number_is_named_with_its_place(values, message):
+    with pytest.raises(ModelError, match=message):
+        require_all("x", values, "rad", "(1)", high=2.0)
+
+
+def test_whole_numbers_and_numpys_are_numbers():
+    for value in (1, np.float32(1.0), np.int64(1), Fraction(1, 2)):
+        require("x", value, "rad", "(1)", low=0.0, high=1.0)
+        require_all("x", [value, value], "rad", "(1)", low=0.0, high=1.0)
 
 
 def test_what_is_possible_passes():

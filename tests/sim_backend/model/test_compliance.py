@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from sim_backend.errors import ModelError
-from sim_backend.model import compliance
+from sim_backend.errors import ModelError, shown
+from sim_backend.model import compliance, limits
 from sim_backend.model.compliance import (
     LAWS,
     Compliance,
@@ -113,21 +113,33 @@ def test_both_springs_add_up_to_the_torsion_of_the_drive():
 @pytest.mark.parametrize(
     ("law", "values", "message"),
     [
-        (compliance.flexspline_torsion, (0.0, 0.0), r"^K_F0 = 0\.0 N\*m/rad is not possible: .* above 0 .*\(24\)"),
+        (
+            compliance.flexspline_torsion,
+            (0.0, 0.0),
+            r"^K_F0 = 0\.0 N\*m/rad is not possible: .* at least 0\.001 and at most 1e\+09 N\*m/rad; .*\(22\)",
+        ),
         (compliance.flexspline_stiffness, (8e3, -0.1), r"^C_F = -0\.1 1/\(N\*m\) .*\(24\)"),
-        (compliance.flexspline_torque, (8e3, math.nan), r"^C_F = nan .* must be finite and above 0"),
-        (compliance.wave_generator_torsion, (0.0, 83.3), r"^K_w0 = 0\.0 N\*m/rad .*\(27\)"),
+        (
+            compliance.flexspline_torque,
+            (8e3, math.nan),
+            r"^C_F = nan .* must be finite, at least 1e-09 and at most 1e\+06 1/\(N\*m\)",
+        ),
+        (compliance.wave_generator_torsion, (0.0, 83.3), r"^K_w0 = 0\.0 N\*m/rad .*\(25\)"),
         (
             compliance.wave_generator_stiffness,
             (1.3, math.inf),
-            r"^C_w = inf .* finite and above 0 1/\(N\*m\); .*\(27\)",
+            r"^C_w = inf .* finite, at least 1e-09 and at most 1e\+06 1/\(N\*m\); .*\(27\)",
         ),
         (compliance.wave_generator_torque, (1.3, 0.0), r"^C_w = 0\.0"),
         (compliance.cubic_torque, (0.0, 1.0), r"^a1 = 0\.0 N\*m/rad .*\(10\)"),
         (compliance.cubic_torsion, (8e3, -1.0), r"^a3 = -1\.0 N\*m/rad\^3 .*\(10\)"),
         (compliance.piecewise_torsion, (8e3, 9e3, 0.0, 4.0, 12.0), r"^K3 = 0\.0 N\*m/rad .*\(11\)"),
         (compliance.piecewise_torque, (8e3, 9e3, 1e4, 4.0, 4.0), r"^T2 = 4\.0 N\*m .* above 4 N\*m"),
-        (compliance.piecewise_stiffness, (8e3, 9e3, 1e4, 0.0, 12.0), r"^T1 = 0\.0 N\*m .* above 0 N\*m"),
+        (
+            compliance.piecewise_stiffness,
+            (8e3, 9e3, 1e4, 0.0, 12.0),
+            r"^T1 = 0\.0 N\*m .* at least 1e-09 and at most 1e\+09 N\*m",
+        ),
     ],
 )
 def test_parameters_that_no_spring_can_have_are_refused(law, values, message):
@@ -136,5 +148,64 @@ def test_parameters_that_no_spring_can_have_are_refused(law, values, message):
 
 
 def test_a_ratio_below_one_is_refused():
-    with pytest.raises(ModelError, match=r"^ratio = 0\.0 is not possible: it must be at least 1; .*\(28\)"):
+    with pytest.raises(
+        ModelError, match=r"^ratio = 0\.0 is not possible: it must be at least 1 and at most 1e\+06; .*\(28\)"
+    ):
         compliance.total_torsion(np.zeros(1), np.zeros(1), 0.0, 1.3, 83.3)
+
+
+RANGES = {
+    Compliance.ARCTAN: {name: limits.DRIVE[name] for name in ("K_F0", "C_F")},
+    Compliance.CUBIC: limits.CUBIC,
+    Compliance.PIECEWISE: limits.PIECEWISE,
+}
+WAVE_GENERATOR = {name: limits.DRIVE[name] for name in ("K_w0", "C_w")}
+
+
+def functions_with_ranges():
+    """Give every function of a law with the ranges of its parameters, in order, and values inside them."""
+    for name, law in LAWS.items():
+        ranges = {parameter: RANGES[name][parameter] for parameter in law.parameters}
+        for function in (law.torsion, law.torque, law.stiffness):
+            yield function, ranges, PARAMETERS[name]
+    for function in (wave_generator_torsion, wave_generator_torque, wave_generator_stiffness):
+        yield function, WAVE_GENERATOR, wave_generator_from_tests(100.0, 1.8e-4, 0.012)
+
+
+FUNCTIONS = [pytest.param(*item, id=item[0].__name__) for item in functions_with_ranges()]
+
+
+@pytest.mark.parametrize("value", [None, "1", True, 1j, [1.0], {}, 10**400, -1.0, 1e308, math.nan])
+@pytest.mark.parametrize(("function", "ranges", "values"), FUNCTIONS)
+def test_what_is_no_parameter_of_a_law_is_refused_by_name_range_and_equation(function, ranges, values, value):
+    for place, (name, (unit, low, high, equation)) in enumerate(ranges.items()):
+        with pytest.raises(ModelError) as refused:
+            function(np.array([0.0]), *values[:place], value, *values[place + 1 :])
+        told = str(refused.value)
+        assert told.startswith(f"{name} = {shown(value)} ")
+        assert f"{low:g}" in told
+        assert f"{high:g} {unit}" in told
+        assert told.endswith(f"{equation} needs it.")
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("function", "ranges", "values"), FUNCTIONS)
+def test_at_the_ends_of_every_range_a_law_gives_numbers(function, ranges, values):
+    for place, (_, low, high, _) in enumerate(ranges.values()):
+        for end in (low, high, math.nextafter(low, math.inf)):
+            changed = [*values[:place], end, *values[place + 1 :]]
+            if len(changed) == 5 and changed[3] >= changed[4]:
+                continue  # T1 at or above T2
+            assert np.all(np.isfinite(function(np.array([-1e-13, 0.0, 1e-13]), *changed)))
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_cubic_of_the_smallest_curvature_is_the_straight_line():
+    for a3 in (5e-324, 1e-300, 1e-30):
+        assert LAWS[Compliance.CUBIC].torsion(TORQUE, 8e3, a3) == pytest.approx(TORQUE / 8e3, rel=1e-12)
+
+
+@pytest.mark.parametrize("ratio", [None, "100", 1j, 10**400, 1e7])
+def test_a_ratio_that_is_no_number_or_too_large_is_refused(ratio):
+    with pytest.raises(ModelError, match=r"^ratio = .* at least 1 and at most 1e\+06; .*\(28\)"):
+        total_torsion(np.zeros(1), np.zeros(1), ratio, 1.3, 83.3)

@@ -64,6 +64,8 @@ def test_a_motor_that_cannot_be_is_refused():
         DcMotor(0.0, 1e-3, 0.2)
     with pytest.raises(ModelError, match="constant = nan"):
         DcMotor(1.0, 1e-3, math.nan)
+    with pytest.raises(ModelError, match=r"inductance = about 1e\+400 H is not possible.*at most 1e\+06 H"):
+        DcMotor(1.0, 10**400, 0.2)
     with pytest.raises(ModelError, match=r"drag = 1.0 N\*m\*s/rad with resistance = 1.0 ohm: at most 0.0105"):
         motor_from_speeds(TABLE_2[1:], 1.0)
 
@@ -74,6 +76,13 @@ def test_a_motor_that_cannot_be_is_refused():
         ([], r"rows is empty: it must have at least one pair of a voltage \(0\.001 to 1e\+06 V\)"),
         ([(12.0, 0.0)], r"rows\[0\] speed = 0\.0 rad/s is not possible: it must be at least 0\.001"),
         ([(12.0, 58.0), (-18.0, 88.0)], r"rows\[1\] voltage = -18\.0 V is not possible.*at most 1e\+06 V"),
+        (5.0, r"rows = 5\.0 is not possible: it must be a sequence with at least one pair of a voltage"),
+        (None, r"rows = None is not possible: .* \(0\.001 to 1e\+06 rad/s\)"),
+        ("12", r"rows = '12' is not possible"),
+        ([12.0, 58.0], r"rows\[0\] = 12\.0 is not possible: it must be a pair of a voltage"),
+        ([(12.0, 58.0), (18.0,)], r"rows\[1\] = \(18\.0,\) is not possible: .* speed \(0\.001"),
+        (["12"], r"rows\[0\] = '12' is not possible"),
+        ([(10**400, 58.0)], r"rows\[0\] voltage = about 1e\+400 V is not possible"),
         ([(math.nan, 58.0)], r"rows\[0\] voltage = nan V"),
         ([("12", 58.0)], r"rows\[0\] voltage = '12' is no number: it must be one from 0\.001 to 1e\+06 V"),
     ],

@@ -121,3 +121,51 @@ def test_a_series_that_cannot_be_is_refused():
         FourierError(math.inf, (), ())
     with pytest.raises(ModelError, match="orders = 0"):
         identify(np.linspace(0.0, 7.0, 100), np.zeros(100), orders=0)
+
+
+@pytest.mark.parametrize("orders", [math.nan, math.inf, 7.5, -1, 10**400, None, "7", 1j, True])
+def test_orders_that_are_no_count_are_refused_with_the_range(orders):
+    angle = np.linspace(0.0, 7.0, 1000)
+    with pytest.raises(
+        ModelError, match=r"^orders = .* 1 .* 100000; \(17\) needs it|^orders = .* 1e\+05; \(17\) needs it"
+    ):
+        identify(angle, 0.0 * angle, orders=orders)
+
+
+def test_a_whole_number_of_another_type_is_a_count_of_orders():
+    angle = np.linspace(0.0, 7.0, 1000)
+    assert (
+        len(identify(angle, 0.0 * angle, orders=3.0).a) == len(identify(angle, 0.0 * angle, orders=np.int64(3)).a) == 3
+    )
+
+
+@pytest.mark.parametrize(
+    ("coefficients", "message"),
+    [
+        ((0.0, 1.0, 2.0), r"^a = 1\.0 is not possible: it must be a tuple .*\(rad\) .*\(17\) needs it"),
+        ((0.0, (1.0,), None), r"^b = None is not possible"),
+        ((0.0, "1", "2"), r"^a = '1' is not possible"),
+        ((None, (), ()), r"^a_0 = None is no number: .* at most 1e\+100 rad; \(17\) needs it"),
+        ((0.0, (1.0, "1"), (1.0, 1.0)), r"^a_2 = '1' is no number"),
+        ((0.0, (1.0,), (10**400,)), r"^b_1 = about 1e\+400 rad is not possible: .* at most 1e\+100 rad"),
+        ((0.0, (1e308,), (1e308,)), r"^a_1 = 1e\+308 rad is not possible"),
+    ],
+)
+def test_coefficients_that_no_series_has_are_refused_by_name(coefficients, message):
+    with pytest.raises(ModelError, match=message):
+        FourierError(*coefficients)
+
+
+@pytest.mark.parametrize("values", [None, "1", 1.0, ["1"], [None], [1j], [10**400], [1e308], [math.inf]])
+def test_a_record_that_is_no_series_of_numbers_is_refused_by_name(values):
+    angle = np.linspace(0.0, 7.0, 100)
+    with pytest.raises(ModelError, match=r"^motor_position.*|^error"):
+        identify(angle, values)
+    with pytest.raises(ModelError, match=r"^motor_position"):
+        identify(values, angle)
+
+
+@pytest.mark.filterwarnings("error")
+def test_the_largest_record_still_has_coefficients():
+    angle = np.linspace(1e12 - 7.0, 1e12, 1000)
+    assert all(map(math.isfinite, identify(angle, np.full(1000, 1e50)).coefficients))

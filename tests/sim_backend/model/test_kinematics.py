@@ -1,12 +1,15 @@
 """Ideal kinematics and torques of every configuration; PHYSICS section 2."""
 
+import itertools
 import math
+import re
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_backend.errors import ModelError
+from sim_backend.errors import ModelError, shown
 from sim_backend.model.kinematics import (
     Member,
     Members,
@@ -97,18 +100,65 @@ def test_torques_need_exactly_one_member(given):
         torques(100.0, **given)
 
 
-@pytest.mark.parametrize("ratio", [0.5, -100.0, math.nan, math.inf])
+@pytest.mark.parametrize("ratio", [0.5, -100.0, math.nan, math.inf, 1e7, 10**400, None, "100", 1j, [100.0]])
 def test_a_ratio_that_cannot_be_is_refused(ratio):
-    with pytest.raises(ModelError, match=r"ratio = .* at least 1"):
+    with pytest.raises(ModelError, match=r"ratio = .* at least 1 and at most 1e\+06; equation \(1\)"):
         motion(ratio, circular_spline=0.0, flexspline=1.0)
 
 
 def test_a_motion_or_torque_that_is_no_number_is_refused():
     with pytest.raises(
-        ModelError, match=r"^wave_generator = nan rad or rad/s is not possible: .*finite; equation \(1\)"
+        ModelError, match=r"^wave_generator = nan rad or rad/s is not possible: .*finite, .*; equation \(1\)"
     ):
         motion(100.0, wave_generator=math.nan, circular_spline=0.0)
     with pytest.raises(ModelError, match=r"^flexspline = inf N\*m is not possible: .*equation \(3\)"):
         torques(100.0, flexspline=math.inf)
     with pytest.raises(ModelError, match=r"^friction = nan N\*m"):
         wave_generator_torque(100.0, 1.0, math.nan)
+
+
+@pytest.mark.parametrize("value", ["1", 1j, True, [1.0], 10**400, 1e308, -1e101])
+def test_what_no_member_can_have_is_refused_by_name_with_its_range(value):
+    says = rf"^%s = {re.escape(shown(value))} .* at least -1e\+100 and at most 1e\+100 %s; equation \(%s\) needs it"
+    with pytest.raises(ModelError, match=says % ("circular_spline", "rad or rad/s", "1")):
+        motion(100.0, wave_generator=1.0, circular_spline=value)
+    with pytest.raises(ModelError, match=says % ("flexspline", r"N\*m", "3")):
+        torques(100.0, flexspline=value)
+    with pytest.raises(ModelError, match=says % ("friction", r"N\*m", "9")):
+        wave_generator_torque(100.0, 1.0, value)
+    torque = torques(100.0, flexspline=1.0)
+    with pytest.raises(ModelError, match=r"^speed\.flexspline = "):
+        power_surplus(torque, Members(1.0, 0.0, value if value != -1e101 else math.nan))
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1e6])
+def test_from_the_largest_values_every_member_and_the_power_are_finite(ratio):
+    for names in itertools.combinations(Members._fields, 2):
+        for signs in itertools.product((1e100, -1e100), repeat=2):
+            speed = motion(ratio, **dict(zip(names, signs, strict=True)))
+            assert all(map(math.isfinite, speed))
+            for name in Members._fields:
+                torque = torques(ratio, **{name: 1e100})
+                assert all(map(math.isfinite, torque))
+                assert math.isfinite(power_surplus(torque, speed))
+
+
+def test_numbers_of_numpy_are_numbers():
+    assert motion(100.0, circular_spline=np.int64(0), flexspline=np.float32(0.5)) == Members(-50.0, 0.0, 0.5)
+
+
+@pytest.mark.parametrize("held", ["nonsense", None, 1, [], ["flexspline"]])
+def test_what_is_no_member_is_refused_with_those_that_are(held):
+    with pytest.raises(ModelError, match=r"^held = .* is no member .* wave-generator, circular-spline, flexspline"):
+        speed_ratio(100.0, held)
+
+
+def test_a_member_may_be_given_by_its_name():
+    assert speed_ratio(100.0, "flexspline") == 101.0
+
+
+def test_a_power_is_that_of_members_only():
+    with pytest.raises(
+        ModelError, match=r"^torque = \(1\.0, 2\.0, 3\.0\) .* Members with a number \(N\*m\) for each of"
+    ):
+        power_surplus((1.0, 2.0, 3.0), Members(1.0, 1.0, 1.0))

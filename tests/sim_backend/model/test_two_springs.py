@@ -1,14 +1,16 @@
 """The two-spring analogue: the moving mass against the play operator, its slopes, its energy."""
 
+import itertools
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from sim_backend.errors import ModelError
+from sim_backend.errors import ModelError, shown
+from sim_backend.model.limits import DRIVE as DRIVE_LIMITS
 from sim_backend.model.parameters import HarmonicDrive
-from sim_backend.model.two_springs import TwoSprings, analogue_of, moving, quasi_static
+from sim_backend.model.two_springs import INERTIA, LIMITS, STEP, TwoSprings, analogue_of, moving, quasi_static
 
 DRIVE = HarmonicDrive.from_catalogue(100.0, 8.4e3, 9.4e3, 3.9, 12.0, 1.8e-4, 0.012)
 SPRINGS = analogue_of(DRIVE, 3e-5)
@@ -91,7 +93,7 @@ def test_an_analogue_that_cannot_be_is_refused(name, value):
         replace(TwoSprings(1.0, 1.0, 1.0, 1.0), **{name: value})
 
 
-@pytest.mark.parametrize("step", [0.0, -1.0, math.nan])
+@pytest.mark.parametrize("step", [0.0, -1.0, math.nan, 1e300, 10**400, None, "1", 1j])
 def test_a_step_that_cannot_be_is_refused(step):
     with pytest.raises(ModelError, match=r"^step = "):
         moving(np.ones(3), step, SPRINGS)
@@ -101,3 +103,52 @@ def test_a_force_that_is_no_number_is_refused_by_name():
     for path in (lambda force: quasi_static(force, SPRINGS), lambda force: moving(force, 1e-5, SPRINGS)):
         with pytest.raises(ModelError, match=r"^force\[1\] = nan N or N\*m is not possible: .*finite"):
             path(np.array([0.0, math.nan]))
+
+
+ABSURD = [None, "1", 1j, True, [1.0], {}, 10**400, -1.0, 5e-324, 1e308]
+
+
+@pytest.mark.parametrize("value", ABSURD)
+@pytest.mark.parametrize("name", LIMITS)
+def test_what_no_spring_mass_or_friction_can_be_is_refused_with_range_and_equation(name, value):
+    unit, low, high, equation = LIMITS[name]
+    if value == 5e-324 and low == 0.0:
+        return
+    with pytest.raises(ModelError) as refused:
+        replace(SPRINGS, **{name: value})
+    told = str(refused.value)
+    assert told.startswith(f"{name} = {shown(value)} ")
+    assert f"{low:g}" in told
+    assert f"{high:g} {unit}; {equation} needs it." in told
+
+
+@pytest.mark.parametrize("inertia", ABSURD)
+def test_an_inertia_without_an_analogue_is_refused_by_name(inertia):
+    with pytest.raises(ModelError, match=r"^motor_inertia = .* 2000 kg\*m\^2; m = N\^2 \(J_m \+ J_wg\) needs it"):
+        analogue_of(DRIVE, inertia)
+
+
+@pytest.mark.parametrize("drive", [None, 1.0, SPRINGS])
+def test_an_analogue_is_that_of_a_drive_only(drive):
+    with pytest.raises(ModelError, match=r"^drive = .* must be a HarmonicDrive"):
+        analogue_of(drive, 3e-5)
+
+
+@pytest.mark.filterwarnings("error")
+def test_every_drive_has_an_analogue_and_every_analogue_a_path():
+    for ratio, K_F0, K_w0, friction, inertia in itertools.product(
+        *((DRIVE_LIMITS[name].low, DRIVE_LIMITS[name].high) for name in ("ratio", "K_F0", "K_w0", "friction_torque")),
+        (INERTIA.low, INERTIA.high),
+    ):
+        springs = analogue_of(HarmonicDrive(ratio, K_F0, 0.045, K_w0, 80.0, friction), inertia)
+        for step in (STEP.low, 1e-5, STEP.high):
+            path = moving(np.array([1e24, -1e24, 0.0, 1.0]), step, springs)
+            assert np.all(np.isfinite(path.displacement))
+            assert np.all(np.isfinite(path.F_b))
+
+
+@pytest.mark.parametrize("force", [None, "1", 1.0, [[1.0]], [1.0, None], [10**400], [1e300]])
+def test_a_force_that_is_no_series_of_numbers_is_refused_by_name(force):
+    for path in (lambda: quasi_static(force, SPRINGS), lambda: moving(force, 1e-5, SPRINGS)):
+        with pytest.raises(ModelError, match=r"^force"):
+            path()
