@@ -103,8 +103,8 @@ class PlantTruth(NamedTuple):
     T_F and T_w. `work` is what both drives put in, `heat` what friction and dampers took, `effect_work` what the
     effects took; `stored` is elastic and kinetic energy now, the latter 0.5 J w(t - h/2) w(t + h/2) with the step h,
     which is what the integrator keeps. Since the start work - heat - effect_work = stored within 1e-4 of the work put
-    in, at the default step, over any run and at any torque, and the rest falls with the square of the step. The
-    temperatures come of that heat, not on top of it.
+    in, at the default step, over any run at any torque up to the motor's speed limit, and the rest falls with the
+    square of the step. The temperatures come of that heat, not on top of it.
     """
 
     time: float
