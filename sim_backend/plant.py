@@ -25,6 +25,9 @@ from sim_backend.ports import AxisMode, PlantReading
 _NOISE_BLOCK = 1024
 """Readings whose noise is drawn at once."""
 
+_MOST_STEPS = 2**53
+"""Steps since the start that the state, which counts them in a float, tells apart."""
+
 _seen = itemgetter(
     stepper.MOTOR_POSITION,
     stepper.MOTOR_VELOCITY,
@@ -100,8 +103,8 @@ class PlantTruth(NamedTuple):
     T_F and T_w. `work` is what both drives put in, `heat` what friction and dampers took, `effect_work` what the
     effects took; `stored` is elastic and kinetic energy now, the latter 0.5 J w(t - h/2) w(t + h/2) with the step h,
     which is what the integrator keeps. Since the start work - heat - effect_work = stored within 1e-4 of the work put
-    in, at the default step, over any run and at any torque, and the rest falls with the square of the step. The
-    temperatures come of that heat, not on top of it.
+    in, at the default step, over any run at any torque up to the motor's speed limit, and the rest falls with the
+    square of the step. The temperatures come of that heat, not on top of it.
     """
 
     time: float
@@ -176,8 +179,8 @@ class Plant:
     def advance_to(self, time: float) -> None:
         """Integrate up to the step nearest to `time` (s).
 
-        Raises ModelError if that lies in the past or is no finite number, and NotFiniteError if the plant's own numbers
-        do not stay finite. In both cases the plant stands where it stood.
+        Raises ModelError if that lies in the past, is no finite number or is more than 2^53 steps from the start, and
+        NotFiniteError if the plant's own numbers do not stay finite. In all cases the plant stands where it stood.
         """
         try:
             steps = round(time / self._step) - self._steps
@@ -185,6 +188,11 @@ class Plant:
             raise ModelError(f"time = {time!r} s is not a finite number.") from None
         if steps < 0:
             raise ModelError(f"time = {time!r} s is in the past: the plant stands at {self.time!r} s.")
+        if self._steps + steps > _MOST_STEPS:
+            raise ModelError(
+                f"time = {time!r} s is further than the plant's clock can count: from {self.time!r} s where it stands "
+                f"to {_MOST_STEPS * self._step:.6g} s, 2^53 steps of {self._step:g} s, time = steps * step."
+            )
         if steps == 0:
             return
         before = self._state_view.tobytes()

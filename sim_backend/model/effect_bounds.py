@@ -1,8 +1,8 @@
 """What a plant's effects may be on this plant: narrower than their own ranges, which hold for every drive.
 
 An effect may assume no other ratio, torque constant or motor encoder than the bench has; together they must leave the
-flexspline a compliance; and the motor's drive, which regulates what it reads, must be able to reach the torque that it
-reads.
+flexspline a compliance; what goes with the motor's angle must not pass too fast for the step; and the motor's drive,
+which regulates what it reads, must be able to reach the torque that it reads.
 """
 
 import math
@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 
 from sim_backend.errors import ModelError
 from sim_backend.model.effects import ActiveEffect
+from sim_backend.model.fast_errors import MOST_MISSED, highest_order, most_amplitude
 from sim_backend.model.parameters import PlantConfig
 
 STIFFNESS_APART = 2.0
@@ -31,6 +32,8 @@ def check_effects(effects: Sequence[ActiveEffect], config: PlantConfig) -> None:
     """Raise ModelError if the plant of `config` cannot have these effects."""
     _check_known(effects, config)
     _check_compliance(effects, config)
+    _check_order(effects, config)
+    _check_error(effects, config)
     _check_torque_constant(effects, config)
 
 
@@ -96,6 +99,44 @@ def _check_compliance(effects: Sequence[ActiveEffect], config: PlantConfig) -> N
                 f"rad/(N*m) at the largest stiffness that a jolt reaches, of which warming leaves {share:.4g} and step "
                 f"= {config.step:g} s needs {least:.4g}), or the flexspline would push where it is pulled; "
                 f"{active.effect.equation} needs it. Make it smaller, or flexspline_stiffness_cap lower."
+            )
+
+
+def _check_order(effects: Sequence[ActiveEffect], config: PlantConfig) -> None:
+    """Raise ModelError if an angle that goes with the motor passes by more than half a period in a step."""
+    most = highest_order(config)
+    for name in ("kinematic-error", "stiffness-modulation"):
+        for active, values in _of(effects, name):
+            order = values["order"]
+            if values["amplitude"] > 0.0 and order > most:
+                raise ModelError(
+                    f"{name}: order = {order!r} 1/rev is not possible: it must be at most {most:.4g} 1/rev, where "
+                    f"order * w * step = pi at motor_speed_limit w = {config.motor_speed_limit:g} rad/s and step = "
+                    f"{config.step:g} s, or less than two steps see a period of it; {active.effect.equation} needs it. "
+                    f"Use a step of at most {config.step * most / order:.4g} s (loop_period must stay a whole "
+                    f"multiple) or a lower order."
+                )
+
+
+def _check_error(effects: Sequence[ActiveEffect], config: PlantConfig) -> None:
+    """Raise ModelError if kinematic errors shake the flexspline faster than the step keeps the energy of.
+
+    Amplitudes of one order add up, and so do the powers of different orders: squares of parts of what each may have.
+    """
+    amplitudes: dict[float, float] = {}
+    for active, values in _of(effects, "kinematic-error"):
+        order, amplitude = values["order"], values["amplitude"]
+        amplitudes[order] = amplitudes.get(order, 0.0) + amplitude
+        used = sum((amplitudes[other] / most_amplitude(other, config)) ** 2 for other in amplitudes)
+        if used > 1.0:
+            raise ModelError(
+                f"{active.effect.id}: amplitude = {amplitude!r} rad is not possible at order = {order!r} 1/rev: it "
+                f"must be at most {most_amplitude(order, config):.4g} rad here, and less beside others (all together "
+                f"use {used:.4g} times what there is). At up to motor_speed_limit w = {config.motor_speed_limit:g} "
+                f"rad/s it shakes the flexspline, and of the power for that step h = {config.step:g} s misses "
+                f"(order w h)^2/12, which may be {MOST_MISSED:g} of all power put in; {active.effect.equation} needs "
+                f"it. Use a shorter step (loop_period must stay a whole multiple), a smaller amplitude or a lower "
+                f"order."
             )
 
 

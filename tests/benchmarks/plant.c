@@ -462,14 +462,17 @@ static inline struct spring wave_generator(double windup, const struct constants
 
 static double flexspline_energy(double windup, const struct constants *c) {
     double bent = fmin(fabs(windup), c->flexspline_knee), straight = fabs(windup) - bent;
-    double energy = -log(cos(c->C_F * c->K_F0 * bent)) / (c->C_F * c->C_F * c->K_F0);
+    double tangent = tan(c->C_F * c->K_F0 * bent);
+    double energy = 0.5 * log1p(tangent * tangent) / (c->C_F * c->C_F * c->K_F0);
     return energy + straight * (c->flexspline_knee_torque + 0.5 * c->flexspline_cap * straight);
 }
 
 static double wave_generator_energy(double windup, const struct constants *c) {
     double bent = fmin(fabs(windup), c->wave_generator_knee), straight = fabs(windup) - bent;
     double share = c->C_w * c->K_w0 * bent;
-    double energy = ((1.0 - share) * log1p(-share) + share) / (c->C_w * c->C_w * c->K_w0);
+    double energy = share < 1e-3
+                        ? c->K_w0 * (bent * bent) * (0.5 + share * (1.0 / 6.0 + share * (1.0 / 12.0 + share / 20.0)))
+                        : ((1.0 - share) * log1p(-share) + share) / (c->C_w * c->C_w * c->K_w0);
     return energy + straight * (c->wave_generator_knee_torque + 0.5 * c->wave_generator_cap * straight);
 }
 

@@ -315,7 +315,8 @@ def test_a_limit_hit_in_motion_ends_with_code_3_and_a_complete_log(tmp_path):
     assert run.metadata["outcome.status"] == "limit"
 
 
-def test_a_simulated_plant_that_is_lost_is_a_bench_fault_with_code_3_and_a_complete_log(tmp_path):
+def test_a_simulated_plant_that_is_lost_is_a_bench_fault_with_code_3_and_a_complete_log(tmp_path, monkeypatch):
+    monkeypatch.setattr("sim_backend.plant.check_effects", lambda effects, config: None)  # which refuses it
     wild = ModelEffect(
         effect="kinematic-error",
         enters="torsion",

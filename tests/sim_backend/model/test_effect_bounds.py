@@ -8,10 +8,12 @@ import pytest
 
 from sim_backend.errors import ModelError
 from sim_backend.model.effects import CATALOGUE, ActiveEffect, Enters
-from sim_backend.model.parameters import Cubic, Piecewise
+from sim_backend.model.fast_errors import most_amplitude
+from sim_backend.model.parameters import Cubic, Piecewise, PlantConfig
 from sim_backend.plant import Plant
 from sim_backend.ports import AxisMode
 from tests.sim_backend.test_plant import CONFIG, SILENT
+from tests.sim_backend.test_plant_physics import FLOOR, play_through, random_plan
 
 
 def active(effect: str, **values: float) -> ActiveEffect:
@@ -110,6 +112,75 @@ def test_just_inside_these_bounds_the_plant_is_sound_at_the_rated_torque():
         swept(plant)
         assert all(map(math.isfinite, plant.truth()))
         assert abs(balance(plant)) < 1e-4
+
+
+# ---- what the step can carry of an error that goes with the motor
+
+
+FAST = math.pi / (CONFIG.motor_speed_limit * CONFIG.step)
+"""1/rev: half a period in a step at the speed limit."""
+
+
+def worst_account(effect: ActiveEffect, config: PlantConfig = SILENT) -> float:
+    """Give what the energy account leaves of the gross work put in, at worst of six random plays with jolts."""
+    left = []
+    for seed in (3, 17, 48, 5, 6, 7):
+        error, gross = play_through((effect,), random_plan(seed), config.step, config)
+        left.append((error - FLOOR) / gross)
+    return max(left)
+
+
+@pytest.mark.parametrize(
+    ("order", "step"),
+    [
+        *((order, 2e-5) for order in (1.0, 2.0, 3.0, 4.0, 5.0, 7.0, 10.0, 20.0, 50.0, 100.0, 0.999 * FAST)),
+        *((order, 1e-5) for order in (7.0, 50.0)),
+    ],
+)
+def test_an_error_just_inside_its_bound_keeps_the_account_and_just_outside_is_refused(order, step):
+    config = dataclasses.replace(SILENT, step=step)
+    most = most_amplitude(order, config)
+    inside = active("kinematic-error", amplitude=min(0.999 * most, 0.1), order=order)
+    assert worst_account(inside, config) < 1e-4
+    if most < 0.1:
+        with pytest.raises(
+            ModelError,
+            match=rf"kinematic-error: amplitude = .* rad is not possible at order = {order!r} 1/rev: .* at most "
+            rf"{most:.4g} rad here.* w = 600 rad/s .* step h = {step:g} s misses \(order w h\)\^2/12, .* 3e-05 .*"
+            r"sin\(order \* motor_position \+ phase\) needs it. Use a shorter step .*, a smaller amplitude or a lower",
+        ):
+            Plant(config, [active("kinematic-error", amplitude=1.001 * most, order=order)])
+
+
+@pytest.mark.parametrize("order", [10.0, 20.0, 50.0, 100.0, 200.0])
+def test_the_bound_of_an_error_is_not_needlessly_tight(order, monkeypatch):
+    beyond = active("kinematic-error", amplitude=5.0 * most_amplitude(order, SILENT), order=order)
+    monkeypatch.setattr("sim_backend.plant.check_effects", lambda effects, config: None)
+    assert worst_account(beyond) > 1e-4
+
+
+@pytest.mark.parametrize("effect", ["kinematic-error", "stiffness-modulation"])
+def test_an_order_that_passes_by_more_than_half_a_period_in_a_step_is_refused_with_the_highest(effect):
+    Plant(CONFIG, [active(effect, amplitude=1e-9, order=0.999 * FAST)])
+    Plant(CONFIG, [active(effect, amplitude=0.0, order=1e4)])
+    with pytest.raises(
+        ModelError,
+        match=rf"{effect}: order = 1000.0 1/rev is not possible: it must be at most {FAST:.4g} 1/rev, .* w = 600 rad/s "
+        r"and step = 2e-05 s.* needs it. Use a step of at most 5.236e-06 s",
+    ):
+        Plant(CONFIG, [active(effect, amplitude=1e-9, order=1e3)])
+    Plant(dataclasses.replace(CONFIG, step=5e-6), [active(effect, amplitude=1e-9, order=1e3)])
+
+
+def test_errors_of_one_order_add_up_and_those_of_different_orders_share():
+    def part(share: float, order: float) -> ActiveEffect:
+        return active("kinematic-error", amplitude=share * most_amplitude(order, CONFIG), order=order)
+
+    Plant(CONFIG, [part(0.7, 20.0), part(0.7, 50.0)])
+    with pytest.raises(ModelError, match=r"at order = 20.0 1/rev.*all together use 1.96 times what there is"):
+        Plant(CONFIG, [part(0.7, 20.0), part(0.7, 20.0)])
+    with pytest.raises(ModelError, match=r"at order = 50.0 1/rev"):
+        Plant(CONFIG, [part(0.8, 20.0), part(0.8, 50.0)])
 
 
 # ---- what the motor's drive can regulate

@@ -1,5 +1,6 @@
 """The plant's springs invert the compliance laws, and go on smoothly in a straight line."""
 
+import dataclasses
 import math
 
 import pytest
@@ -53,6 +54,25 @@ def test_the_energy_of_a_spring_is_the_integral_of_its_torque(name, c, windup):
     knees = [k for k in (c.flexspline_knee, c.wave_generator_knee, c.torsion_1, c.torsion_2) if 0 < k < abs(windup)]
     integral, _ = quad(lambda x: torque(x, c)[0], 0.0, windup, points=[math.copysign(k, windup) for k in knees] or None)
     assert energy(windup, c) == pytest.approx(integral, rel=1e-7)
+
+
+@pytest.mark.parametrize("softening", [1e-9, 1e-8, 1e-7, 1e-5])
+@pytest.mark.parametrize("torque", [1e-3, 0.1, 16.0])
+def test_a_spring_that_hardly_stiffens_keeps_all_digits_of_its_energy(softening, torque):
+    # T^2/(2 K) (1 - (C T)^2/2) and, after (27), T^2/(2 K) (1 - 2 C T/3): what comes next is below 1e-7 of it
+    c = derive(PlantConfig(dataclasses.replace(DRIVE, C_F=softening, C_w=softening)))
+    flexspline = 0.5 * torque**2 / DRIVE.K_F0 * (1.0 - 0.5 * (softening * torque) ** 2)
+    windup = math.atan(softening * torque) / (softening * DRIVE.K_F0)
+    assert springs.flexspline_energy(windup, c) == pytest.approx(flexspline, rel=1e-12)
+    wave_generator = 0.5 * torque**2 / DRIVE.K_w0 * (1.0 - 2.0 / 3.0 * softening * torque)
+    windup = -math.expm1(-softening * torque) / (softening * DRIVE.K_w0)
+    assert springs.wave_generator_energy(windup, c) == pytest.approx(wave_generator, rel=1e-7)
+
+
+def test_the_two_forms_of_the_wave_generator_s_energy_meet():
+    at = 1e-3 / (C.C_w * C.K_w0)
+    below, above = (springs.wave_generator_energy(factor * at, C) for factor in (1.0 - 1e-12, 1.0 + 1e-12))
+    assert above == pytest.approx(below, rel=1e-11)
 
 
 @pytest.mark.parametrize("torque", [-0.079, -0.012, -1e-9, 0.0, 0.02, 0.079])
