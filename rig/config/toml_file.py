@@ -106,6 +106,8 @@ class FileModel(BaseModel):
             wrong = error.errors(include_url=False)
             found = [_line(item["loc"], item["input"], cls._rule(item), item["type"]) for item in wrong]
             table = _without(data, [item["loc"] for item in wrong])
+            no_numbers = [item["loc"] for item in wrong if item["type"] in _WRONG_NUMBER]
+            table = _without(table, no_numbers, tables=True)
         else:
             found, table = [], data
         if isinstance(table, Mapping):
@@ -196,22 +198,22 @@ def _line(place: Sequence[str | int], value: object, rule: str, kind: str = "rul
     return InitErrorDetails(type=told, loc=tuple(place), input=value)
 
 
-def _without(data: object, places: Iterable[Sequence[str | int]]) -> object:
-    """Give the table with None at each of the places; what is no table is given as it is."""
+def _without(data: object, places: Iterable[Sequence[str | int]], *, tables: bool = False) -> object:
+    """Give the table with None at each of the places, also where a table stands there if `tables`.
+
+    What is no table is given as it is.
+    """
     if not isinstance(data, Mapping):
         return data
     inner: dict[str | int, list[Sequence[str | int]]] = {}
     for place in places:
         if place and place[0] in data:
             inner.setdefault(place[0], []).append(place[1:])
-    return {
-        key: value if key not in inner else None if () in inner[key] else _without_inner(value, inner[key])
-        for key, value in data.items()
-    }
-
-
-def _without_inner(value: object, places: Iterable[Sequence[str | int]]) -> object:
-    return _without(value, places) if isinstance(value, Mapping) else None
+    kept = dict(data)
+    for key, rest in inner.items():
+        is_table = isinstance(data[key], Mapping) and not (tables and () in rest)
+        kept[key] = _without(data[key], rest, tables=tables) if is_table else None
+    return kept
 
 
 def _syntax_mistake(text: str, message: str) -> Mistake:
