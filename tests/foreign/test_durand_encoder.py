@@ -16,7 +16,7 @@ from drivers.errors import NotConnectedError
 from tests.drivers.canopen.bench import CYCLE_TIME, HEARTBEAT_TIME, device_config
 
 durand = pytest.importorskip("durand", reason="the package durand is not installed: make foreign")
-scheduler = pytest.importorskip("durand.scheduler")
+scheduler = pytest.importorskip("durand.scheduler", reason="the package durand is not installed: make foreign")
 
 NODE = 3
 COUNTS = 4096

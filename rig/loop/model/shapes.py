@@ -109,6 +109,11 @@ class ShapeTerm:
         """Parameters that are frequencies, Hz."""
         return tuple(v for p, v in zip(self.effect.parameters, self.values, strict=True) if p.unit == "Hz")
 
+    @property
+    def rings(self) -> bool:
+        """Whether it swings by itself where the output torque has a corner."""
+        return bool(self.frequencies) and self.effect.signals == ("output_torque",)
+
     def value(self, name: str) -> float:
         """Give one parameter."""
         return self.values[[p.name for p in self.effect.parameters].index(name)]
@@ -166,7 +171,7 @@ def addition(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> Flo
     """Give what the term adds, shape (n,), in its unit; None where a signal it takes was not recorded."""
     if any(name not in signals for name in term.effect.signals):
         return None
-    return _ringing(term, signals, step) if term.frequencies else evaluate(term.effect, signals, term.values, step=step)
+    return _ringing(term, signals, step) if term.rings else evaluate(term.effect, signals, term.values, step=step)
 
 
 def _ringing(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> Floats | None:

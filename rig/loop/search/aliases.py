@@ -112,14 +112,13 @@ def small_beats(
     """
     if not legs or not items:
         return False
-    ratio, longest = items[0].evaluation.ratio, max(legs, key=lambda leg: leg.turns)
-    turns = {"motor_position": 1.0, "output_position": 1.0 / ratio}
-    for signal, rate in turns.items():
+    longest = max(legs, key=lambda leg: leg.turns)
+    at_output = {"motor_position": 1.0 / items[0].evaluation.ratio, "output_position": 1.0}
+    for signal, share in at_output.items():
         counts = _counts(items, signal)
         if counts is None:
             continue
-        step = 2.0 * math.pi / counts * (1.0 / ratio if signal == "motor_position" else 1.0)
-        per_turn = counts * rate / turns[variable]
+        step, per_turn = 2.0 * math.pi * share / counts, counts * at_output[variable] / share
         for m in range(1, HARMONICS + 1):
             if amplitude < SAWTOOTH * step / (m * math.pi) and alike(order, m * per_turn, (longest,)):
                 return True

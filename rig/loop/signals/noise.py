@@ -26,12 +26,16 @@ MEDIAN_OF_SQUARE = 0.4549
 
 
 def noise_and_memory(values: Floats, period: float) -> tuple[Floats, float]:
-    """Give the variance of the noise around every sample, (n,), and the correlation of neighbouring samples."""
+    """Give the variance of the noise around every sample, (n,), and the correlation of neighbouring samples.
+
+    values: (n,), any unit, whose square the variance has; period: s between samples. 0 is the correlation of white
+    noise, above it the noise is taken for a first-order autoregression.
+    """
     memory = _memory(values, period)
-    return noise_variance(values, period) / _second_difference(memory, 1), memory
+    return _noise_variance(values, period) / _second_difference(memory, 1), memory
 
 
-def noise_variance(values: Floats, period: float) -> Floats:
+def _noise_variance(values: Floats, period: float) -> Floats:
     """Give the variance of white noise around every sample, shape (n,), from second differences: a slope has none.
 
     Of short blocks in a row the median counts, so that a corner, which lies in one of them, does not.
@@ -46,7 +50,7 @@ def noise_variance(values: Floats, period: float) -> Floats:
 
 
 def of_mean(memory: float, count: int) -> float:
-    """Give the variance of the mean of `count` samples over that of one."""
+    """Give the variance of the mean of `count` samples over that of one, `memory` the correlation of neighbours."""
     k = np.arange(1, count)
     return float((1.0 + 2.0 * np.sum((1.0 - k / count) * memory**k)) / count)
 

@@ -65,16 +65,15 @@ class Polyline:
 
 
 def polyline(values: Floats, side: int, period: float) -> Floats | None:
-    """Give the polyline that `values` (n,) follow within their noise, shape (n,); None if they follow none.
+    """Give the polyline that `values` (n,), N*m, follow within their noise, shape (n,); None if they follow none.
 
-    side: samples on either side over which it is smoothed to find where it bends.
+    side: samples on either side over which they are smoothed to find where they bend. period: s between samples.
     """
-    n = values.size
     smoothed = corners_kept(values, side)
     block = max(round(BLOCK / period), 1)
-    if smoothed is values or n < FEWEST_BLOCKS * block:
+    if smoothed is values or values.size < FEWEST_BLOCKS * block:
         return None
-    most = min(round(n * period / SHORTEST) + 2, MOST_KNOTS)
+    most = min(round(values.size * period / SHORTEST) + 2, MOST_KNOTS)
     rest = values
     for _ in range(ROUNDS):
         # what corners add to second differences is gone once a first polyline has been taken off
@@ -82,29 +81,41 @@ def polyline(values: Floats, side: int, period: float) -> Floats | None:
         if not noise.all():
             return None
         tolerance = (TOLERANCE_COLOURED if memory else TOLERANCE * math.sqrt(4.0 / side)) * np.sqrt(noise)
-        knots = _split(smoothed, tolerance)
-        if knots.size > SPARE * most:
+        found = _found(values, smoothed, side, tolerance, noise, memory, SPARE * most)
+        if found is None:
             return None
-        found = _pruned(values, knots, noise, memory)
-        for _ in range(SPLITS):
-            missed = _split(corners_kept(values - found.at(n), side), tolerance)
-            further = [knot for knot in missed if np.abs(found.knots - knot).min() > LEAST_GAP]
-            if not further or found.knots.size + len(further) > SPARE * most:
-                break
-            found = _pruned(values, np.sort(np.append(found.knots, further)), noise, memory)
+        line, few = found.at(values.size), found.knots.size <= most
+        rest = values - line
         if not memory:
             break
-        rest = values - found.at(n)
-    if found.knots.size > most:
+    good = few and _is_noise(rest, noise, memory, block)
+    return line if good and np.abs(line - smoothed).max() <= FARTHEST * tolerance.max() else None
+
+
+def _found(
+    values: Floats, smoothed: Floats, side: int, tolerance: Floats, noise: Floats, memory: float, most: int
+) -> Polyline | None:
+    """Split the record, take superfluous knots out, and split again where the line misses; None beyond `most` knots."""
+    knots = _split(smoothed, tolerance)
+    if knots.size > most:
         return None
-    whole = n // block * block
-    means = (values - found.at(n))[:whole].reshape(-1, block).mean(axis=1)
-    variance = noise[:whole].reshape(-1, block).mean(axis=1) * of_mean(memory, block)
-    sizes = np.abs(means) / np.sqrt(variance)
+    found = _pruned(values, knots, noise, memory)
+    for _ in range(SPLITS):
+        missed = _split(corners_kept(values - found.at(values.size), side), tolerance)
+        further = [knot for knot in missed if np.abs(found.knots - knot).min() > LEAST_GAP]
+        if not further or found.knots.size + len(further) > most:
+            break
+        found = _pruned(values, np.sort(np.append(found.knots, further)), noise, memory)
+    return found
+
+
+def _is_noise(rest: Floats, noise: Floats, memory: float, block: int) -> bool:
+    """Whether the means over `block` samples of what is left (n,) scatter as noise of this variance (n,) would."""
+    whole = rest.size // block * block
+    means, variance = (x[:whole].reshape(-1, block).mean(axis=1) for x in (rest, noise))
+    sizes = np.abs(means) / np.sqrt(variance * of_mean(memory, block))
     most_typical = COLOURED if memory else 1.0 + BY_CHANCE / math.sqrt(2.0 * sizes.size)
-    good = np.sqrt(np.mean(sizes**2)) <= most_typical and sizes.max(initial=0.0) <= WORST
-    good &= np.abs(found.at(n) - smoothed).max() <= FARTHEST * tolerance.max()
-    return found.at(n) if good else None
+    return bool(np.sqrt(np.mean(sizes**2)) <= most_typical and sizes.max() <= WORST)
 
 
 def _split(smoothed: Floats, tolerance: Floats) -> Floats:

@@ -29,10 +29,10 @@ LEAST_SCATTER = 1e-200
 
 
 def smooth(values: Floats, side: int, period: float) -> Floats:
-    """Take the noise from a torque (n,): corners are kept, and cubics fitted wherever the torque follows them.
+    """Take the noise from a torque (n,), N*m: corners are kept, and cubics fitted wherever the torque follows them.
 
-    side: samples on either side over which all is smoothed. A longer cubic counts where the samples scatter about it no
-    more than their noise, and where it agrees with what the shorter ones gave.
+    side: samples on either side over which all is smoothed. period: s between samples. A longer cubic counts where the
+    samples scatter about it no more than their noise, and where it agrees with what the shorter ones gave.
     """
     if values.size < FEWEST:
         return values
@@ -67,7 +67,7 @@ def _cubics(values: Floats, width: int) -> Floats:
 
 
 def corners_kept(values: Floats, side: int) -> Floats:
-    """Smooth by straight lines fitted before, around and after each sample, the better fitting ones weighing more.
+    """Smooth `values` (n,) by straight lines before, around and after each sample, the better fitting weighing more.
 
     A mean across the corner of a triangle cuts the corner: there only the line on the sample's own side fits. `side`:
     samples on either side.
