@@ -4,6 +4,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -165,9 +166,20 @@ MEASUREMENTS = "outcome.measurements"
 def _measured(text: str) -> list[Measurement]:
     """Give the measurements in a log's outcome; none where the text is not what `rig run` writes."""
     try:
-        return [Measurement(**{**item, "value": float(item["value"])}) for item in json.loads(text)]
-    except (ValueError, TypeError, KeyError):
+        return [_measurement(item) for item in json.loads(text)]
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
         return []
+
+
+def _measurement(item: Mapping[str, Any]) -> Measurement:
+    spread = item.get("uncertainty")
+    return Measurement(
+        name=str(item["name"]),
+        value=float(item["value"]),
+        unit=str(item["unit"]),
+        uncertainty=None if spread is None else float(spread),
+        meaning=str(item.get("meaning", "")),
+    )
 
 
 def _units(key: str, procedure: str) -> dict[str, str]:

@@ -149,14 +149,27 @@ def test_show_prints_measurements_as_the_run_did_and_parameters_with_their_units
     assert not any("{" in line for line in lines)
 
 
-def test_show_prints_metadata_that_is_no_json_as_it_is(tmp_path):
+@pytest.mark.parametrize(
+    ("measurements", "told"),
+    [
+        ('[{"name": "x"}]', "outcome.measurements name x"),
+        ('[{"name": 1, "value": 2.5, "unit": "N*m"}]', "1 2.5 N*m"),
+        ('[{"name": "x", "value": 2.5, "unit": "N*m", "uncertainty": "nan"}]', "x 2.5 nan N*m"),
+        ('[{"name": "x", "value": 2.5, "unit": "N*m", "uncertainty": []}]', "name x, value 2.5, unit N*m"),
+        ('[{"name": "x", "value": %s, "unit": "N*m"}]' % ("1" + 400 * "0"), "outcome.measurements name x"),
+        ("[1, 2]", "outcome.measurements 1"),
+    ],
+)
+def test_show_prints_metadata_that_is_no_json_as_it_is(tmp_path, measurements, told):
     info = {"run_id": "1", "parameters": "{speed", "note": "[see page 3]"}
     writer = LogWriter(tmp_path / "x.mcap", info, attachments={}, cycle_rate=1000, epoch_ns=0)
     writer.write(Sample(time=0.0, cycle=0, motor_position=1.0))
-    writer.close({"status": "done", "measurements": '[{"name": "x"}]'})
-    lines = [" ".join(line.split()) for line in rig("show", tmp_path / "x.mcap").stdout.splitlines()]
-    for told in ("parameters {speed", "note [see page 3]", "outcome.measurements name x"):
-        assert told in lines, told
+    writer.close({"status": "done", "measurements": measurements})
+    answer = rig("show", tmp_path / "x.mcap")
+    assert answer.exit_code == 0
+    shown = "\n".join(" ".join(line.split()) for line in answer.stdout.splitlines())
+    for text in ("parameters {speed", "note [see page 3]", told):
+        assert text in shown, text
 
 
 def test_a_folder_is_no_log_and_the_message_says_so_and_names_one(campaign, tmp_path):
