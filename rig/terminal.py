@@ -76,6 +76,8 @@ def _report(error: RigError, as_json: bool) -> None:
 def _title(error: RigError) -> str:
     if error.exit_code == AbortedError.exit_code:
         return ""  # the message begins with the word
+    if error.facts.get("dry_run"):
+        return "Dry run stopped: "
     return {2: "Wrong use: ", 3: "Bench stopped: ", 5: "Data: "}.get(error.exit_code, "Error: ")
 
 

@@ -25,8 +25,9 @@ from rig.loop.campaign import FEWEST_RUNS
 from rig.loop.files.model_file import Model
 from rig.loop.files.model_storage import load_model
 from rig.operator import Answered, ConsentGiven, Operator, SimulatedOperator, TerminalOperator
-from rig.runner import Progress
+from rig.runner import REACTION, Progress
 from rig.session import (
+    LOG_SO_FAR,
     Job,
     JobRecord,
     Plans,
@@ -177,14 +178,15 @@ def _make_bench(
 
 @contextmanager
 def _nothing_moves() -> Iterator[None]:
-    """Let an error of the dry run say so, in place of what the simulated drives confirmed and where the log was."""
+    """Let an error of the dry run say that it is one, and not what the simulated drives did or where the log was."""
     try:
         yield
     except ConfigError:
         raise
     except RigError as error:
-        error.__notes__ = ["This was a dry run: no device was opened and nothing moved."]
-        error.facts = {name: value for name, value in error.facts.items() if name not in ("reaction", "confirmed")}
+        kept = [note for note in getattr(error, "__notes__", ()) if not note.startswith((REACTION, LOG_SO_FAR))]
+        error.__notes__ = [*kept, "This was a dry run: no device was opened and nothing moved."]
+        error.facts["dry_run"] = True
         raise
 
 

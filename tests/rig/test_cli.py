@@ -15,6 +15,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from drivers.clock import RealClock
+from drivers.errors import DriveFaultError
 from drivers.signals import BY_NAME
 from drivers.types import Sample
 from rig.cli import app
@@ -571,6 +572,31 @@ def test_a_dry_run_that_is_stopped_says_that_nothing_moved():
     assert told.endswith(" This was a dry run: no device was opened and nothing moved.")
     for alarming in ("Reaction", "confirmed", "CONFIRMED", ".mcap"):
         assert alarming not in told
+
+
+def test_a_dry_run_that_fails_tells_what_could_not_be_cleaned_up_and_that_nothing_moved(monkeypatch):
+    error = DriveFaultError("motor", "is in fault", state="fault")
+    notes = [
+        "Reaction: disable; the drives confirmed it.",
+        "Closing the bench failed too: no answer.",
+        "The log up to here is complete: /tmp/x.mcap",
+    ]
+    error.facts |= {"reaction": "disable", "confirmed": True}
+
+    def fail(*_: object) -> None:
+        error.__notes__ = list(notes)
+        raise error
+
+    monkeypatch.setattr("rig.commands.run.run_jobs", fail)
+    answer = rig("run", "locked-output", "--dry-run")
+    assert answer.exit_code == 3
+    assert answer.stderr.splitlines()[-1] == (
+        "Dry run stopped: Drive 'motor' is in fault (state: fault). Closing the bench failed too: no answer. "
+        "This was a dry run: no device was opened and nothing moved."
+    )
+    told = json.loads(rig("run", "locked-output", "--dry-run", "--json").stdout)["error"]
+    assert told["notes"] == [notes[1], "This was a dry run: no device was opened and nothing moved."]
+    assert (told["dry_run"], told["reaction"], told["confirmed"]) == (True, "disable", True)
 
 
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
