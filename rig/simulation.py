@@ -22,7 +22,7 @@ from rig.operator import Answered
 from sim_backend.errors import ModelError, NotFiniteError, ParameterError
 from sim_backend.model.compliance import LAWS, Compliance
 from sim_backend.model.effects import CATALOGUE, ActiveEffect, Effect
-from sim_backend.model.estimation import LOSS, PIECEWISE, flexspline_from_catalogue, wave_generator_from_tests
+from sim_backend.model.estimation import LOSS, PIECEWISE_EQUATION, flexspline_from_catalogue, wave_generator_from_tests
 from sim_backend.model.parameters import Cubic, HarmonicDrive, Piecewise, PlantConfig
 from sim_backend.nodes.bench import LOAD_DRIVE, MOTOR_DRIVE, OUTPUT_ENCODER, TORQUE_TRANSDUCER
 from sim_backend.nodes.communication import CanopenNode
@@ -215,7 +215,8 @@ def _catalogue_mistakes(dut: Dut, model: Model | None) -> Iterator[Mistake]:
     if model is not None:
         return
     if caps["flexspline_stiffness_cap"] <= K1:
-        yield _keys(dut, "K1", rule=f"must be below {caps['flexspline_stiffness_cap']:g} N*m/rad; {PIECEWISE} needs it")
+        rule = f"must be below {caps['flexspline_stiffness_cap']:g} N*m/rad; {PIECEWISE_EQUATION} needs it"
+        yield _keys(dut, "K1", rule=rule)
     most = 0.5 * caps["wave_generator_stiffness_cap"] * values["ratio"] * values["hysteresis_loss"]
     if values["starting_torque"] >= most:
         rule = f"starting_torque must be below {most:.4g} N*m with this ratio and hysteresis loss; {LOSS} needs it"

@@ -18,7 +18,7 @@ from procedures.registry import PROCEDURES
 from rig.bench import Bench, FixtureLock
 from rig.commands.measurements import measurement_table
 from rig.config.bench import BenchFile, Lock, load_bench, naming_the_bench
-from rig.config.catalogue import doubts
+from rig.config.catalogue import doubt
 from rig.config.dut import Dut, default_dut, load_dut
 from rig.log.load import load_run, logs_in
 from rig.loop.campaign import FEWEST_RUNS
@@ -90,6 +90,8 @@ def run_command(names: tuple[str, ...], options: RunOptions, dry_run: bool) -> N
             hint="Describe the mounted device in a dut file.",
         )
     dut, dut_text = _dut(options.dut, model)
+    if doubtful := doubt(dut):
+        tell(f"doubtful: {doubtful}")
     if dry_run:
         with naming_the_bench(options.bench), _nothing_moves():
             _dry_run(jobs, bench_file, dut, model, options)
@@ -97,8 +99,6 @@ def run_command(names: tuple[str, ...], options: RunOptions, dry_run: bool) -> N
     with naming_the_bench(options.bench), Stop().listening() as stop:
         bench, operator, backend, assumed = _make_bench(bench_file, dut, model, options)
         planned = planned_time(plan_jobs(bench_facts(bench, dut), jobs))
-        for line in doubts(dut):
-            tell(f"doubtful: {line}")
         for line in assumed:
             tell(f"assumed: {line}")
         tell(planned)
@@ -196,8 +196,6 @@ def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Mode
     with Stop().listening() as stop, tempfile.TemporaryDirectory() as folder:
         simulated = simulate(stand_in, dut, model, seed=options.seed)
         planned = planned_time(plan_jobs(bench_facts(simulated.bench, dut), jobs))
-        for line in doubts(dut):
-            tell(f"doubtful: {line}")
         tell(planned)
         records: list[RunRecord] = []
         phases: dict[str, tuple[tuple[float, str], ...]] = {}
