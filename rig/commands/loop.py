@@ -14,7 +14,7 @@ from rig.log.load import READERS, load_runs
 from rig.log.names import writable_folder
 from rig.log.run import Run, endings
 from rig.loop.campaign import LoopOptions
-from rig.loop.files.model_storage import load_model, write_model
+from rig.loop.files.model_storage import MODEL_NAME, load_model, write_model
 from rig.loop.plot import plot_loop
 from rig.loop.predict import write_predictions
 from rig.loop.result import LoopResult
@@ -136,7 +136,7 @@ def write_loop(result: LoopResult, out: Path) -> LoopFiles:
     """Write `loop.json`, `model.json`, the table and the plot into `out`."""
     try:
         out.mkdir(parents=True, exist_ok=True)
-        files = LoopFiles(out / "loop.json", out / "model.json", out / "table.txt", out / "plot.svg")
+        files = LoopFiles(out / "loop.json", out / MODEL_NAME, out / "table.txt", out / "plot.svg")
         plot_loop(result, files.plot)
         files.result.write_text(json.dumps(result.to_json(), indent=2, allow_nan=False) + "\n", encoding="utf-8")
         write_model(result.model, files.model)

@@ -173,12 +173,22 @@ def test_show_prints_metadata_that_is_no_json_as_it_is(tmp_path, measurements, t
         assert text in shown, text
 
 
-def test_a_folder_is_no_log_and_the_message_says_so_and_names_one(campaign, tmp_path):
-    answer = rig("show", campaign)
+@pytest.mark.parametrize("command", ["show", "recover"])
+def test_a_folder_is_no_log_and_the_message_says_so_and_names_one(campaign, tmp_path, command):
+    answer = rig(command, campaign)
     assert answer.exit_code == 5
     assert "this is a folder, with 1 log in it: locked-output-angle-1.mcap" in answer.stderr
-    assert f"rig show {campaign / 'locked-output-angle-1.mcap'}" in answer.stderr
-    assert "a folder, with 0 logs in it. Expected one log" in rig("show", tmp_path).stderr
+    assert f"Name one of them: {campaign / 'locked-output-angle-1.mcap'}" in answer.stderr
+    assert "a folder, with 0 logs in it. Expected one log" in rig(command, tmp_path).stderr
+
+
+def test_a_folder_in_the_place_of_a_model_is_answered_with_the_model_in_it(tmp_path):
+    arguments = ("run", "locked-output", "--dry-run", "--model", tmp_path)
+    answer = rig(*arguments)
+    assert answer.exit_code == 2
+    assert answer.stderr.endswith("is a folder, no model.\n")
+    (tmp_path / "model.json").write_text("{}")
+    assert rig(*arguments).stderr.endswith(f"is a folder, no model. The model in it is {tmp_path / 'model.json'}.\n")
 
 
 def test_logs_in_the_place_of_the_model_are_answered_with_the_order_that_is_meant(campaign):
