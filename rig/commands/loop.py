@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from drivers.clock import RealClock
 from drivers.errors import ConfigError, Mistake, did_you_mean
 from rig.config.dut import Dut, load_dut
 from rig.config.toml_file import parse_toml
@@ -53,7 +54,7 @@ def loop_command(paths: tuple[Path, ...], options: LoopCommand) -> None:
     """Trace, write the result, print the table."""
     law = _law(options.compliance)
     writable_folder(options.out)
-    with Stages() as stage:
+    with Stages(RealClock()) as stage:
         result = _traced(paths, options, law, stage)
         stage("drawing and writing the result")
         files = write_loop(result, options.out)
@@ -85,7 +86,7 @@ def predict_command(model_file: Path, paths: tuple[Path, ...], out: Path, as_jso
     """Write the model's predictions for every run; print the files, the rms of what remains, and runs to distrust."""
     _refuse_swapped(model_file, paths)
     model = load_model(model_file)
-    with Stages() as stage:
+    with Stages(RealClock()) as stage:
         stage("reading the logs")
         runs = load_runs(paths)
         stage(f"predicting {len(runs)} run{'s' if len(runs) != 1 else ''}")

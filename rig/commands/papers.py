@@ -6,6 +6,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from drivers.clock import RealClock
 from drivers.errors import ConfigError, Mistake
 from rig.log.names import writable_folder
 from rig.papers.item import Grid, Workbench
@@ -31,7 +32,7 @@ def papers_command(names: tuple[str, ...], out: Path, quick: bool, as_json: bool
     items = choose(names)
     writable_folder(out)
     try:
-        with Stages() as stage:
+        with Stages(RealClock()) as stage:
             done = run_items(items, Workbench(out, quick=quick, tell=stage))
         written = write_report(done, out, report_stem(names))
     except OSError as error:

@@ -88,10 +88,10 @@ def trace(
             expected="both positions and the ratio, or a torque or current with a position",
             hint="Check the channels in the log, and the ratio in the device file.",
         )
-    on_stage(f"fitting {len(campaign.train)} runs and searching what they leave ...")
+    on_stage(f"fitting {len(campaign.train)} runs and searching what they leave")
     known = known_parameters(dut, ratio)
     base, selection, fastest = _selected(pieces, start, options.alpha, known, on_stage)
-    on_stage(f"{clock.now() - started:.0f} s: looking at the {len(campaign.held_out)} held-out runs")
+    on_stage(f"looking at the {len(campaign.held_out)} held-out runs")
     fastest = min(fastest, _known_speed(pieces, selection))
     final = selection.fit
     sides = {
