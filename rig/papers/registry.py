@@ -1,7 +1,6 @@
 """All items of all papers, how a person names them, and the command that runs one again."""
 
 import re
-import zlib
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -18,7 +17,7 @@ LONGEST = 4
 """Digits of a number that can be an equation's or a figure's."""
 
 LONGEST_STEM = 100
-"""Letters of the names in the name of a report; what is longer is told apart by a checksum."""
+"""Letters of the names in the name of a report; where there are more, the first is named and the others are counted."""
 
 
 def choose(names: Sequence[str], items: Sequence[Item] = ITEMS) -> tuple[Item, ...]:
@@ -47,9 +46,9 @@ def report_stem(names: Sequence[str], chosen: Sequence[Item]) -> str:
     """
     if tuple(chosen) == ITEMS:
         return ""
-    parts = dict.fromkeys(_part_stem(name, chosen) for name in names)
+    parts = list(dict.fromkeys(_part_stem(name, chosen) for name in names))
     stem = "+".join(parts)
-    return stem if len(stem) <= LONGEST_STEM else f"{stem[:LONGEST_STEM]}-{zlib.crc32(stem.encode()):08x}"
+    return stem if len(stem) <= LONGEST_STEM else f"{parts[0]}-and-{len(parts) - 1}-more"
 
 
 def part(item: Item, row: Row) -> str:
