@@ -22,7 +22,7 @@ from rig.loop.result import LoopResult
 from rig.loop.table import headline, remaining_table, statements, table_of, text_of
 from rig.loop.trace import trace
 from rig.stages import Stages
-from rig.terminal import emit, tell
+from rig.terminal import counted, emit, tell
 from sim_backend.model.compliance import Compliance
 
 
@@ -89,7 +89,7 @@ def predict_command(model_file: Path, paths: tuple[Path, ...], out: Path, as_jso
     with Stages(RealClock()) as stage:
         stage("reading the logs")
         runs = load_runs(paths)
-        stage(f"predicting {len(runs)} run{'s' if len(runs) != 1 else ''}")
+        stage(f"predicting {counted(len(runs), 'run')}")
         written = write_predictions(runs, model, out)
     warnings = endings(runs)
     if as_json:

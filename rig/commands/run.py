@@ -43,7 +43,7 @@ from rig.session import (
 )
 from rig.simulation import as_simulated, simulate
 from rig.stop import Stop
-from rig.terminal import emit, shortened, tell
+from rig.terminal import counted, emit, shortened, tell
 
 LEAST_STEP = 60.0
 STEPS = 0.1
@@ -104,7 +104,7 @@ def run_command(names: tuple[str, ...], options: RunOptions, dry_run: bool) -> N
         tell(planned)
         if earlier := logs_in(options.out):
             tell(
-                f"{options.out} already holds {len(earlier)} log{'s' if len(earlier) != 1 else ''}: "
+                f"{options.out} already holds {counted(len(earlier), 'log')}: "
                 f"rig loop {options.out} will read these and the new ones."
             )
         if not bench_file.simulated:
@@ -255,7 +255,7 @@ def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Mode
         table.add_row(f"{record.procedure}-{record.name}", f"{record.outcome.duration:.1f}", told, extremes)
     Console().print(table)
     moves = sum(record.set_up for record in records)
-    tell(f"{counted(len(records) - moves, moves)} took {length(duration)} of bench time")
+    tell(f"{runs_and_moves(len(records) - moves, moves)} took {length(duration)} of bench time")
     for line in assumed:
         tell(f"assumed: {line}")
 
@@ -267,13 +267,12 @@ def planned_time(plans: Plans) -> str:
     seconds = [sum(run.duration for run in plan) for _, plan in plans]
     parts = ", ".join(f"{job.procedure.name} {length(s)}" for (job, _), s in zip(plans, seconds, strict=True))
     each = f" ({parts})" if len(plans) > 1 else ""
-    return f"Planned: {counted(runs, moves)}, {length(sum(seconds))} of bench time{each}"
+    return f"Planned: {runs_and_moves(runs, moves)}, {length(sum(seconds))} of bench time{each}"
 
 
-def counted(runs: int, moves: int) -> str:
+def runs_and_moves(runs: int, moves: int) -> str:
     """Give the number of runs and, where there are any, of moves that set the bench up for them."""
-    set_up = f" with {moves} set-up move{'s' if moves != 1 else ''}" if moves else ""
-    return f"{runs} run{'s' if runs != 1 else ''}{set_up}"
+    return counted(runs, "run") + (f" with {counted(moves, 'set-up move')}" if moves else "")
 
 
 def length(seconds: float) -> str:

@@ -9,6 +9,7 @@ from drivers.errors import DataError
 from rig.log.csv_file import read_csv
 from rig.log.mcap_reader import read_mcap
 from rig.log.run import Run
+from rig.terminal import counted
 
 READERS = {".mcap": read_mcap, ".csv": read_csv}
 
@@ -64,8 +65,7 @@ def one_log(path: Path) -> Path:
     names = ", ".join(file.name for file in found[:MOST_NAMED]) + (", ..." if len(found) > MOST_NAMED else "")
     raise DataError(
         str(path),
-        f"this is a folder, with {len(found)} log{'s' if len(found) != 1 else ''} in it"
-        + (f": {names}" if names else ""),
+        f"this is a folder, with {counted(len(found), 'log')} in it" + (f": {names}" if names else ""),
         expected="one log",
         hint=f"Name one of them: {found[0]}" if found else "",
     )
