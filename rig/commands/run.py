@@ -21,6 +21,7 @@ from rig.config.bench import BenchFile, Lock, load_bench, naming_the_bench
 from rig.config.catalogue import doubt
 from rig.config.dut import Dut, default_dut, load_dut
 from rig.log.load import load_run, logs_in
+from rig.log.run import ProcedureName
 from rig.loop.campaign import FEWEST_RUNS
 from rig.loop.files.model_file import Model
 from rig.loop.files.model_storage import load_model
@@ -360,9 +361,9 @@ def _report(records: tuple[JobRecord, ...], options: RunOptions) -> None:
     for record in records:
         console.print(measurement_table(record.procedure, record.result.measurements))
     # a starting torque is no equation of the loop, and of a single run nothing can be held out
-    loops = any(record.procedure != "starting-torque" for record in records)
-    enough = len(logs_in(options.out)) >= FEWEST_RUNS
-    tell(f"Logs in {options.out}." + (f" Next: rig loop {options.out}" if loops and enough else ""))
+    usable = [log for log in logs_in(options.out) if not log.name.startswith(f"{ProcedureName.STARTING_TORQUE}-")]
+    enough = len(usable) >= FEWEST_RUNS
+    tell(f"Logs in {options.out}." + (f" Next: rig loop {options.out}" if enough else ""))
 
 
 def _measurement(m: Measurement) -> dict[str, object]:

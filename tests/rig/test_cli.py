@@ -209,6 +209,12 @@ def test_the_loop_is_named_as_next_only_where_two_runs_are_there_and_earlier_log
     assert second.endswith(f"Logs in {tmp_path}. Next: rig loop {tmp_path}\n")
 
 
+def test_logs_of_starting_torques_do_not_count_as_runs_for_the_loop(tmp_path):
+    (tmp_path / "starting-torque-angle-1.mcap").write_bytes(b"")
+    told = rig("run", "backdrive", *SHORT_BACKDRIVE, "-o", tmp_path).stderr
+    assert told.endswith(f"Logs in {tmp_path}.\n")
+
+
 def test_a_prediction_of_an_aborted_run_says_that_it_was_aborted(tmp_path):
     base = ModelBase(model="zhang-2014", ratio=100.0, parameters={})
     write_model(Model(schema="rig.model/1", dut=default_dut()[0], base=base, software="0"), tmp_path / "model.json")
