@@ -266,6 +266,8 @@ def papers(
     """Reproduce the source papers: their figures, and what they print beside what comes out.
 
     All of them give table.md and results.json, a part its own: castejon2009-eq35.md and castejon2009-eq35.json.
+
+    Several parts give castejon2009-eq35+both.md or, where that is too long, zhang2014-eq1-and-35-more.md.
     """
     from rig.commands.papers import papers_command
 

@@ -43,6 +43,8 @@ UNLOCK_SHARE = 0.05
 LISTENING_TIME = 0.5
 """How long to listen, s, after the devices fell silent: longer than a drive takes to restart."""
 
+REACTION = "Reaction: "
+"""What the note begins with that tells how the bench was made safe."""
 
 DISABLE = "disable"
 """Reaction where every axis is released or at zero, so that there is nothing to ramp or to stop."""
@@ -179,7 +181,9 @@ def _with_safe_state(error: RigError | None, safe: SafeState) -> RigError | None
     if error is None:
         return None
     done = "the drives confirmed it" if safe.confirmed else "NOT CONFIRMED by the drives, check the bench"
-    error.add_note(f"Reaction: {safe.reaction}; {done}." + (f" {safe.problem}" if safe.problem else ""))
+    error.add_note(f"{REACTION}{safe.reaction}; {done}.")
+    if safe.problem:
+        error.add_note(safe.problem)
     if isinstance(error, LimitError):
         error.reaction, error.confirmed = safe.reaction, safe.confirmed
     if isinstance(error, AbortedError):

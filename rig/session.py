@@ -32,6 +32,9 @@ from rig.terminal import tell
 SET_UP_FOLDER = "set-up"
 """Logs of moves between runs go here, so that a folder of logs holds measuring runs only."""
 
+LOG_SO_FAR = "The log up to here is complete: "
+"""What the note begins with that names the log of a run which did not go as planned."""
+
 STARTING_SHARE = 0.1
 """Starting torque in shares of rated torque / ratio, where the dut file names none (0.075 on the shipped drive)."""
 
@@ -221,7 +224,7 @@ def run_jobs(session: Session, jobs: Sequence[Job]) -> tuple[JobRecord, ...]:
             runs.append(record)
             done += not planned.set_up
             if record.error is not None:
-                record.error.add_note(f"The log up to here is complete: {record.file}")
+                record.error.add_note(f"{LOG_SO_FAR}{record.file}")
                 raise record.error
         measured = tuple(record.result for record in runs if not record.set_up)
         records.append(JobRecord(job.procedure.name, tuple(runs), job.procedure.summarise(measured)))

@@ -22,7 +22,7 @@ from rig.operator import Answered
 from sim_backend.errors import ModelError, NotFiniteError, ParameterError
 from sim_backend.model.compliance import LAWS, Compliance
 from sim_backend.model.effects import CATALOGUE, ActiveEffect, Effect
-from sim_backend.model.estimation import LOSS, PIECEWISE, flexspline_from_catalogue, wave_generator_from_tests
+from sim_backend.model.estimation import LOSS, PIECEWISE_EQUATION, flexspline_from_catalogue, wave_generator_from_tests
 from sim_backend.model.parameters import Cubic, HarmonicDrive, Piecewise, PlantConfig
 from sim_backend.nodes.bench import LOAD_DRIVE, MOTOR_DRIVE, OUTPUT_ENCODER, TORQUE_TRANSDUCER
 from sim_backend.nodes.communication import CanopenNode
@@ -215,7 +215,8 @@ def _catalogue_mistakes(dut: Dut, model: Model | None) -> Iterator[Mistake]:
     if model is not None:
         return
     if caps["flexspline_stiffness_cap"] <= K1:
-        yield _keys(dut, "K1", rule=f"must be below {caps['flexspline_stiffness_cap']:g} N*m/rad; {PIECEWISE} needs it")
+        rule = f"must be below {caps['flexspline_stiffness_cap']:g} N*m/rad; {PIECEWISE_EQUATION} needs it"
+        yield _keys(dut, "K1", rule=rule)
     most = 0.5 * caps["wave_generator_stiffness_cap"] * values["ratio"] * values["hysteresis_loss"]
     if values["starting_torque"] >= most:
         rule = f"starting_torque must be below {most:.4g} N*m with this ratio and hysteresis loss; {LOSS} needs it"
@@ -245,13 +246,13 @@ def _catalogue(dut: Dut) -> dict[str, float]:
 
 def _drive_from_dut(dut: Dut, assumed: list[str]) -> HarmonicDrive:
     """Estimate the drive from catalogue values, Zhang (29)-(35)."""
-    values = _catalogue(dut)
-    for name, value in values.items():
+    catalogue = _catalogue(dut)
+    for name, value in catalogue.items():
         if getattr(dut.gear, name) is None:
             assumed.append(f"gear.{name} = {value:g} (not in the dut file)")
-    viscous = VISCOUS_SHARE * values["starting_torque"]
-    assumed.append(f"viscous friction {viscous:.3g} N*m*s at the motor")
-    return HarmonicDrive.from_catalogue(**values, viscous_friction=viscous)
+    values = _estimated(catalogue, _arctan_of_catalogue(catalogue))
+    assumed.append(f"viscous friction {values['viscous_friction']:.3g} N*m*s at the motor")
+    return HarmonicDrive(**values)
 
 
 def drive_of_model(model: Model, assumed: list[str]) -> HarmonicDrive:
@@ -259,33 +260,51 @@ def drive_of_model(model: Model, assumed: list[str]) -> HarmonicDrive:
 
     The flexspline of this drive follows (24); see `flexspline_of_model` for another law.
     """
-    catalogue = _catalogue(model.dut)
     fitted = {name: estimate.value for name, estimate in model.base.parameters.items()}
-    ratio, starting_torque = model.base.ratio or catalogue["ratio"], catalogue["starting_torque"]
-    K_F0, C_F = _arctan_of_catalogue(model, catalogue)
-    K_w0, C_w = wave_generator_from_tests(catalogue["ratio"], catalogue["hysteresis_loss"], starting_torque)
-    friction = ratio * fitted["T_fs"] if "T_fs" in fitted else catalogue["ratio"] * starting_torque
-    values = {
-        "K_F0": fitted.get("K_F0", K_F0),
-        "C_F": fitted.get("C_F", C_F),
-        "K_w0": fitted.get("K_w0", K_w0),
-        "C_w": fitted.get("C_w", C_w),
-        "viscous_friction": max(0.0, fitted.get("b", VISCOUS_SHARE * starting_torque)),
-    }
+    catalogue = _catalogue(model.dut)
+    values = _estimated(catalogue, _arctan_of_catalogue(catalogue) if _lacks_arctan(model) else _unused_arctan(model))
+    values |= {name: fitted[name] for name in ("K_F0", "C_F", "K_w0", "C_w") if name in fitted}
+    values["ratio"] = model.base.ratio or values["ratio"]
+    if "T_fs" in fitted:
+        values["friction_torque"] = values["ratio"] * fitted["T_fs"]
+    if "b" in fitted:
+        values["viscous_friction"] = max(0.0, fitted["b"])
     needed = (*LAWS[model.base.law].parameters, "K_w0", "C_w", "T_fs", "b")
     missing = [name for name in needed if name not in fitted]
     if missing:
         assumed.append(f"{', '.join(missing)} from the dut's catalogue values (not in the model)")
-    return HarmonicDrive(ratio=ratio, friction_torque=friction, **values)
+    return HarmonicDrive(**values)
 
 
-def _arctan_of_catalogue(model: Model, catalogue: Mapping[str, float]) -> tuple[float, float]:
-    """Give K_F0 and C_F from the catalogue; where the plant does not take them from it, a drive that softens has some.
+def _estimated(catalogue: Mapping[str, float], arctan: tuple[float, float]) -> dict[str, float]:
+    """Estimate the values of a HarmonicDrive from a catalogue's: wave generator by Zhang (33)-(35), and friction.
 
-    Raises ModelError if the model needs them and no drive has this catalogue.
+    `arctan`: the flexspline's K_F0 (N*m/rad) and C_F (1/(N*m)).
     """
-    if _lacks_arctan(model):
-        return flexspline_from_catalogue(*(catalogue[name] for name in ("K1", "K2", "T1", "T2")))
+    ratio, starting_torque = catalogue["ratio"], catalogue["starting_torque"]
+    K_w0, C_w = wave_generator_from_tests(ratio, catalogue["hysteresis_loss"], starting_torque)
+    return {
+        "ratio": ratio,
+        "K_F0": arctan[0],
+        "C_F": arctan[1],
+        "K_w0": K_w0,
+        "C_w": C_w,
+        "friction_torque": ratio * starting_torque,
+        "viscous_friction": VISCOUS_SHARE * starting_torque,
+    }
+
+
+def _arctan_of_catalogue(catalogue: Mapping[str, float]) -> tuple[float, float]:
+    """Give K_F0 (N*m/rad) and C_F (1/(N*m)) of the arctan law (24). Raises ModelError if no drive has the catalogue."""
+    return flexspline_from_catalogue(*(catalogue[name] for name in ("K1", "K2", "T1", "T2")))
+
+
+def _unused_arctan(model: Model) -> tuple[float, float]:
+    """Give a K_F0 (N*m/rad) and C_F (1/(N*m)) for a drive whose flexspline does not follow its catalogue's arctan.
+
+    The model replaces them, or its flexspline follows another law; so the catalogue may be that of a drive that
+    softens (K2 below K1), which the arctan law cannot have.
+    """
     K_F0, C_F = (entry.centre for entry in flexspline_entries(model.dut.gear, Compliance.ARCTAN))
     return K_F0, C_F
 

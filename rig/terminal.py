@@ -30,9 +30,14 @@ def width_is_known() -> bool:
     return sys.stdout.isatty() or (told.isdecimal() and int(told) > 0)
 
 
-def shortened(text: str) -> str:
-    """Give what a person wrote short enough to be repeated in a message."""
-    return text if len(text) <= MAX_SHOWN else f"{text[: MAX_SHOWN - 3]}..."
+def shortened(text: str, most: int = MAX_SHOWN) -> str:
+    """Give a text short enough to be repeated in a message: `most` letters."""
+    return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
+def counted(number: int, what: str) -> str:
+    """Give a number of things that have an -s where they are several: 1 run, 2 runs."""
+    return f"{number} {what}{'s' if number != 1 else ''}"
 
 
 def carry_out(command: Callable[[], object], *, as_json: bool) -> int:
@@ -76,6 +81,8 @@ def _report(error: RigError, as_json: bool) -> None:
 def _title(error: RigError) -> str:
     if error.exit_code == AbortedError.exit_code:
         return ""  # the message begins with the word
+    if error.facts.get("dry_run"):
+        return "Dry run stopped: "
     return {2: "Wrong use: ", 3: "Bench stopped: ", 5: "Data: "}.get(error.exit_code, "Error: ")
 
 

@@ -60,7 +60,7 @@ def demo_command(seed: int | None, out: Path, as_json: bool) -> None:
     hidden = draw_effect(seed)
     tell("The simulated bench carries an effect that neither the logs nor the loop are told.")
     logs = out / "logs"
-    with Stages() as stage:
+    with Stages(clock) as stage:
         stage("building the simulated bench")
         bench_seconds = record((hidden,), seed, logs, on_stage=stage)
         recorded = clock.now()

@@ -1,6 +1,7 @@
 """What there is: procedures, drivers, effects."""
 
 import math
+import textwrap
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
@@ -8,12 +9,11 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from drivers.errors import ConfigError, Mistake, did_you_mean
+from drivers.errors import ConfigError, Mistake, did_you_mean, folded
 from drivers.registry import all_drivers
 from procedures.plan import ParameterInfo, parameter_table
 from procedures.registry import PROCEDURES
 from rig.terminal import emit, shortened, width_is_known
-from rig.wrapping import lines_of
 from sim_backend.model.effects import CATALOGUE, Effect, Energy, Enters
 
 DEFAULTS = (
@@ -92,7 +92,7 @@ ENTERS: Mapping[Enters, str] = MappingProxyType(
 )
 """What stands above the effects that enter there, in the order in which they are listed."""
 
-SUMMARY = 20
+NARROWEST_SUMMARY = 20
 """Columns that the summary of an effect has at least, however narrow the terminal is."""
 
 GROUPS: Mapping[str, Enters] = MappingProxyType({str(enters).replace(" ", "-"): enters for enters in ENTERS})
@@ -117,11 +117,11 @@ def list_effects(names: Sequence[str], brief: bool, as_json: bool) -> None:
     unknown = [
         Mistake("NAME", shortened(name), f"unknown{did_you_mean(name, [*CATALOGUE, *GROUPS])}")
         for name in names
-        if name not in CATALOGUE and _group_name(name) not in GROUPS
+        if name not in CATALOGUE and folded(name) not in GROUPS
     ]
     if unknown:
         raise ConfigError("command line", unknown, hint="`rig effects` lists all of them.")
-    groups = {GROUPS.get(_group_name(name)) for name in names}
+    groups = {GROUPS.get(folded(name)) for name in names}
     effects = [e for e in CATALOGUE.values() if not names or e.id in names or e.enters in groups]
     if as_json:
         emit({"effects": [_effect_record(effect) for effect in effects]})
@@ -144,16 +144,11 @@ def list_effects(names: Sequence[str], brief: bool, as_json: bool) -> None:
     console.print("", *used, sep="\n", highlight=False)
 
 
-def _group_name(name: str) -> str:
-    return name.strip().lower().replace(" ", "-")
-
-
 def _overview(console: Console, effects: Sequence[Effect]) -> None:
     """Print one line for each effect, which goes on in its own column where it is wider than the terminal or COLUMNS.
 
     Where neither says how wide a line may be, a line stays one: it goes to a file or to a search.
     """
-    width = console.width if width_is_known() else None
     widest = max(len(effect.id) for effect in effects)
     for enters in ENTERS:
         group = [effect for effect in effects if effect.enters is enters]
@@ -161,10 +156,17 @@ def _overview(console: Console, effects: Sequence[Effect]) -> None:
             console.print(f"[bold]{enters}[/bold]", highlight=False)
         for effect in group:
             begin = f"  {effect.id:{widest}}  "
-            lines = [effect.summary] if width is None else lines_of(effect.summary, max(width - len(begin), SUMMARY))
-            for line in lines:
-                console.print(Text(begin + line), soft_wrap=True)
-                begin = " " * len(begin)
+            text = begin + effect.summary
+            if width_is_known():
+                text = textwrap.fill(
+                    effect.summary,
+                    width=max(console.width, len(begin) + NARROWEST_SUMMARY),
+                    initial_indent=begin,
+                    subsequent_indent=" " * len(begin),
+                    break_long_words=False,
+                    break_on_hyphens=False,
+                )
+            console.print(Text(text), soft_wrap=True)
 
 
 def _effect_table(effect: Effect) -> Table:

@@ -4,12 +4,13 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from drivers.errors import ConfigError, DataError, Mistake, did_you_mean
+from drivers.errors import ConfigError, Mistake, did_you_mean
 from drivers.signals import BY_NAME
 from procedures.intents import Measurement
 from procedures.plan import parameter_table
@@ -17,39 +18,24 @@ from procedures.registry import PROCEDURES
 from rig.commands.measurements import measurement_table
 from rig.log.export import ExportKind, export_run
 from rig.log.importer import import_files
-from rig.log.load import load_run, load_runs, logs_in
+from rig.log.load import load_run, load_runs
 from rig.log.mcap_reader import AT_IMPORT
 from rig.log.recover import recover
 from rig.log.run import ENDINGS, Run
 from rig.log.show import Summary, describe
 from rig.terminal import emit, tell
 
+MEASUREMENTS = "outcome.measurements"
+"""Key of a log's metadata under which what the run measured is kept."""
+
 
 def show_command(path: Path, as_json: bool) -> None:
-    """Print what a log holds. Raises DataError for a folder, with the logs that are in it."""
-    if path.is_dir():
-        raise _no_single_log(path)
+    """Print what a log holds."""
     summary = describe(load_run(path))
     if as_json:
         emit(summary.as_dict())
         return
     _print_summary(summary)
-
-
-MOST_NAMED = 3
-"""Logs of a folder that a message names."""
-
-
-def _no_single_log(folder: Path) -> DataError:
-    found = logs_in(folder)
-    names = ", ".join(file.name for file in found[:MOST_NAMED]) + (", ..." if len(found) > MOST_NAMED else "")
-    return DataError(
-        str(folder),
-        f"this is a folder, with {len(found)} log{'s' if len(found) != 1 else ''} in it"
-        + (f": {names}" if names else ""),
-        expected="one log (.mcap or .csv)",
-        hint=f"Name one of them: rig show {found[0]}" if found else "",
-    )
 
 
 def recover_command(path: Path, out: Path | None, as_json: bool) -> None:
@@ -158,16 +144,23 @@ def _print_summary(summary: Summary) -> None:
         line("warning", warning)
 
 
-MEASUREMENTS = "outcome.measurements"
-"""Key of a log's metadata under which what the run measured is kept."""
-
-
 def _measured(text: str) -> list[Measurement]:
     """Give the measurements in a log's outcome; none where the text is not what `rig run` writes."""
     try:
-        return [Measurement(**{**item, "value": float(item["value"])}) for item in json.loads(text)]
-    except (ValueError, TypeError, KeyError):
+        return [_measurement(item) for item in json.loads(text)]
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
         return []
+
+
+def _measurement(item: Mapping[str, Any]) -> Measurement:
+    spread = item.get("uncertainty")
+    return Measurement(
+        name=str(item["name"]),
+        value=float(item["value"]),
+        unit=str(item["unit"]),
+        uncertainty=None if spread is None else float(spread),
+        meaning=str(item.get("meaning", "")),
+    )
 
 
 def _units(key: str, procedure: str) -> dict[str, str]:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from drivers.clock import RealClock
 from drivers.errors import ConfigError, Mistake, did_you_mean
 from rig.config.dut import Dut, load_dut
 from rig.config.toml_file import parse_toml
@@ -14,14 +15,14 @@ from rig.log.load import READERS, load_runs
 from rig.log.names import writable_folder
 from rig.log.run import Run, endings
 from rig.loop.campaign import LoopOptions
-from rig.loop.files.model_storage import load_model, write_model
+from rig.loop.files.model_storage import MODEL_NAME, load_model, write_model
 from rig.loop.plot import plot_loop
 from rig.loop.predict import write_predictions
 from rig.loop.result import LoopResult
 from rig.loop.table import headline, remaining_table, statements, table_of, text_of
 from rig.loop.trace import trace
 from rig.stages import Stages
-from rig.terminal import emit, tell
+from rig.terminal import counted, emit, tell
 from sim_backend.model.compliance import Compliance
 
 
@@ -53,7 +54,7 @@ def loop_command(paths: tuple[Path, ...], options: LoopCommand) -> None:
     """Trace, write the result, print the table."""
     law = _law(options.compliance)
     writable_folder(options.out)
-    with Stages() as stage:
+    with Stages(RealClock()) as stage:
         result = _traced(paths, options, law, stage)
         stage("drawing and writing the result")
         files = write_loop(result, options.out)
@@ -85,10 +86,10 @@ def predict_command(model_file: Path, paths: tuple[Path, ...], out: Path, as_jso
     """Write the model's predictions for every run; print the files, the rms of what remains, and runs to distrust."""
     _refuse_swapped(model_file, paths)
     model = load_model(model_file)
-    with Stages() as stage:
+    with Stages(RealClock()) as stage:
         stage("reading the logs")
         runs = load_runs(paths)
-        stage(f"predicting {len(runs)} run{'s' if len(runs) != 1 else ''}")
+        stage(f"predicting {counted(len(runs), 'run')}")
         written = write_predictions(runs, model, out)
     warnings = endings(runs)
     if as_json:
@@ -136,7 +137,7 @@ def write_loop(result: LoopResult, out: Path) -> LoopFiles:
     """Write `loop.json`, `model.json`, the table and the plot into `out`."""
     try:
         out.mkdir(parents=True, exist_ok=True)
-        files = LoopFiles(out / "loop.json", out / "model.json", out / "table.txt", out / "plot.svg")
+        files = LoopFiles(out / "loop.json", out / MODEL_NAME, out / "table.txt", out / "plot.svg")
         plot_loop(result, files.plot)
         files.result.write_text(json.dumps(result.to_json(), indent=2, allow_nan=False) + "\n", encoding="utf-8")
         write_model(result.model, files.model)

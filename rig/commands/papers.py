@@ -6,21 +6,18 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from drivers.clock import RealClock
 from drivers.errors import ConfigError, Mistake
 from rig.log.names import writable_folder
 from rig.papers.item import Grid, Workbench
-from rig.papers.registry import choose, report_stem
-from rig.papers.report import Done, cells, grids, run_items, to_json, write_report
+from rig.papers.registry import COMMAND, choose, part, report_stem
+from rig.papers.report import HEADINGS, Done, cells, grids, run_items, to_json, write_report
 from rig.stages import Stages
 from rig.terminal import emit, tell, width_is_known
 from rig.wrapping import Wrapped
 
 WIDTH = 120
 """Columns of the tables at most, and where neither a terminal nor COLUMNS says how many there are."""
-
-PREFIX = "rig papers "
-"""What the command of every row begins with; the table has it once, above the column."""
-
 
 LONGEST_NUMBER = len("-1.234e-05")
 """Columns that every number of the tables fits in; words may take several lines."""
@@ -31,9 +28,9 @@ def papers_command(names: tuple[str, ...], out: Path, quick: bool, as_json: bool
     items = choose(names)
     writable_folder(out)
     try:
-        with Stages() as stage:
+        with Stages(RealClock()) as stage:
             done = run_items(items, Workbench(out, quick=quick, tell=stage))
-        written = write_report(done, out, report_stem(names))
+        written = write_report(done, out, report_stem(names, items))
     except OSError as error:
         raise ConfigError("-o", [Mistake("-o", str(out), f"cannot be written: {error.strerror or error}")]) from error
     if as_json:
@@ -50,16 +47,16 @@ def papers_command(names: tuple[str, ...], out: Path, quick: bool, as_json: bool
 def rows_table(done: Sequence[Done]) -> Table:
     """Give all rows as a table for the terminal; its first column is what `rig papers` runs again."""
     table = Table(box=None, padding=(0, 1), header_style="bold")
-    table.add_column(PREFIX.strip(), no_wrap=True)
-    table.add_column("quantity", overflow="fold", ratio=1)
-    for heading in ("printed", "obtained"):
+    _, _, quantity, printed, obtained, note, _ = HEADINGS
+    table.add_column(COMMAND, no_wrap=True)
+    table.add_column(quantity, overflow="fold", ratio=1)
+    for heading in (printed, obtained):
         table.add_column(heading, overflow="fold", width=LONGEST_NUMBER)
-    table.add_column("note", overflow="fold", ratio=1)
+    table.add_column(note, overflow="fold", ratio=1)
     for one in done:
         for row in one.outcome.rows:
-            _, _, *shown, again = cells(one, row)
-            quantity, *figures, note = shown
-            table.add_row(again.removeprefix(PREFIX), Wrapped(quantity), *figures, Wrapped(note))
+            _, _, quantity, printed, obtained, note, _ = cells(one, row)
+            table.add_row(part(one.item, row), Wrapped(quantity), printed, obtained, Wrapped(note))
     return table
 
 

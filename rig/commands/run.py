@@ -18,15 +18,17 @@ from procedures.registry import PROCEDURES
 from rig.bench import Bench, FixtureLock
 from rig.commands.measurements import measurement_table
 from rig.config.bench import BenchFile, Lock, load_bench, naming_the_bench
-from rig.config.catalogue import doubts
+from rig.config.catalogue import doubt
 from rig.config.dut import Dut, default_dut, load_dut
 from rig.log.load import load_run, logs_in
+from rig.log.run import ProcedureName
 from rig.loop.campaign import FEWEST_RUNS
 from rig.loop.files.model_file import Model
 from rig.loop.files.model_storage import load_model
 from rig.operator import Answered, ConsentGiven, Operator, SimulatedOperator, TerminalOperator
-from rig.runner import Progress
+from rig.runner import REACTION, Progress
 from rig.session import (
+    LOG_SO_FAR,
     Job,
     JobRecord,
     Plans,
@@ -42,7 +44,7 @@ from rig.session import (
 )
 from rig.simulation import as_simulated, simulate
 from rig.stop import Stop
-from rig.terminal import emit, shortened, tell
+from rig.terminal import counted, emit, shortened, tell
 
 LEAST_STEP = 60.0
 STEPS = 0.1
@@ -89,6 +91,8 @@ def run_command(names: tuple[str, ...], options: RunOptions, dry_run: bool) -> N
             hint="Describe the mounted device in a dut file.",
         )
     dut, dut_text = _dut(options.dut, model)
+    if doubtful := doubt(dut):
+        tell(f"doubtful: {doubtful}")
     if dry_run:
         with naming_the_bench(options.bench), _nothing_moves():
             _dry_run(jobs, bench_file, dut, model, options)
@@ -96,14 +100,12 @@ def run_command(names: tuple[str, ...], options: RunOptions, dry_run: bool) -> N
     with naming_the_bench(options.bench), Stop().listening() as stop:
         bench, operator, backend, assumed = _make_bench(bench_file, dut, model, options)
         planned = planned_time(plan_jobs(bench_facts(bench, dut), jobs))
-        for line in doubts(dut):
-            tell(f"doubtful: {line}")
         for line in assumed:
             tell(f"assumed: {line}")
         tell(planned)
         if earlier := logs_in(options.out):
             tell(
-                f"{options.out} already holds {len(earlier)} log{'s' if len(earlier) != 1 else ''}: "
+                f"{options.out} already holds {counted(len(earlier), 'log')}: "
                 f"rig loop {options.out} will read these and the new ones."
             )
         if not bench_file.simulated:
@@ -177,14 +179,15 @@ def _make_bench(
 
 @contextmanager
 def _nothing_moves() -> Iterator[None]:
-    """Let an error of the dry run say so, in place of what the simulated drives confirmed and where the log was."""
+    """Let an error of the dry run say that it is one, and not what the simulated drives did or where the log was."""
     try:
         yield
     except ConfigError:
         raise
     except RigError as error:
-        error.__notes__ = ["This was a dry run: no device was opened and nothing moved."]
-        error.facts = {name: value for name, value in error.facts.items() if name not in ("reaction", "confirmed")}
+        kept = [note for note in getattr(error, "__notes__", ()) if not note.startswith((REACTION, LOG_SO_FAR))]
+        error.__notes__ = [*kept, "This was a dry run: no device was opened and nothing moved."]
+        error.facts["dry_run"] = True
         raise
 
 
@@ -194,8 +197,6 @@ def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Mode
     with Stop().listening() as stop, tempfile.TemporaryDirectory() as folder:
         simulated = simulate(stand_in, dut, model, seed=options.seed)
         planned = planned_time(plan_jobs(bench_facts(simulated.bench, dut), jobs))
-        for line in doubts(dut):
-            tell(f"doubtful: {line}")
         tell(planned)
         records: list[RunRecord] = []
         phases: dict[str, tuple[tuple[float, str], ...]] = {}
@@ -255,7 +256,7 @@ def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Mode
         table.add_row(f"{record.procedure}-{record.name}", f"{record.outcome.duration:.1f}", told, extremes)
     Console().print(table)
     moves = sum(record.set_up for record in records)
-    tell(f"{counted(len(records) - moves, moves)} took {length(duration)} of bench time")
+    tell(f"{runs_and_moves(len(records) - moves, moves)} took {length(duration)} of bench time")
     for line in assumed:
         tell(f"assumed: {line}")
 
@@ -267,13 +268,12 @@ def planned_time(plans: Plans) -> str:
     seconds = [sum(run.duration for run in plan) for _, plan in plans]
     parts = ", ".join(f"{job.procedure.name} {length(s)}" for (job, _), s in zip(plans, seconds, strict=True))
     each = f" ({parts})" if len(plans) > 1 else ""
-    return f"Planned: {counted(runs, moves)}, {length(sum(seconds))} of bench time{each}"
+    return f"Planned: {runs_and_moves(runs, moves)}, {length(sum(seconds))} of bench time{each}"
 
 
-def counted(runs: int, moves: int) -> str:
+def runs_and_moves(runs: int, moves: int) -> str:
     """Give the number of runs and, where there are any, of moves that set the bench up for them."""
-    set_up = f" with {moves} set-up move{'s' if moves != 1 else ''}" if moves else ""
-    return f"{runs} run{'s' if runs != 1 else ''}{set_up}"
+    return counted(runs, "run") + (f" with {counted(moves, 'set-up move')}" if moves else "")
 
 
 def length(seconds: float) -> str:
@@ -361,9 +361,9 @@ def _report(records: tuple[JobRecord, ...], options: RunOptions) -> None:
     for record in records:
         console.print(measurement_table(record.procedure, record.result.measurements))
     # a starting torque is no equation of the loop, and of a single run nothing can be held out
-    loops = any(record.procedure != "starting-torque" for record in records)
-    enough = len(logs_in(options.out)) >= FEWEST_RUNS
-    tell(f"Logs in {options.out}." + (f" Next: rig loop {options.out}" if loops and enough else ""))
+    usable = [log for log in logs_in(options.out) if not log.name.startswith(f"{ProcedureName.STARTING_TORQUE}-")]
+    enough = len(usable) >= FEWEST_RUNS
+    tell(f"Logs in {options.out}." + (f" Next: rig loop {options.out}" if enough else ""))
 
 
 def _measurement(m: Measurement) -> dict[str, object]:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from drivers.errors import Mistake
 from rig.config.dut import Dut, Gear
-from sim_backend.model.estimation import PIECEWISE as LINES
+from sim_backend.model.estimation import PIECEWISE_EQUATION
 from sim_backend.model.limits import CATALOGUE, PIECEWISE
 
 USUAL_T1_SHARE, USUAL_T2_SHARE = (0.08, 1.0), (0.25, 2.5)
@@ -27,7 +27,7 @@ def beyond_limits(dut: Dut) -> Iterator[Mistake]:
             yield Mistake(f"gear.{name}", value, rule)
 
 
-def doubts(dut: Dut) -> Iterator[str]:
+def doubt(dut: Dut) -> str | None:
     """Say where T1 and T2, where the catalogue's stiffness changes, contradict rated torque, stiffness or each other.
 
     Such a drive can be, so it is no mistake; but a digit or a unit that slipped is more likely.
@@ -38,9 +38,11 @@ def doubts(dut: Dut) -> Iterator[str]:
         for what, value, unit, (low, high) in _proportions(gear)
         if not low <= value <= high
     ]
-    if found:
-        given = ", ".join(f"gear.{name} = {getattr(gear, name):g} N*m" for name in ("T1", "T2") if getattr(gear, name))
-        yield f"{given}: {'; '.join(found)}. {LINES} needs them right: are digits and units those of the catalogue?"
+    if not found:
+        return None
+    given = ", ".join(f"gear.{name} = {getattr(gear, name):g} N*m" for name in ("T1", "T2") if getattr(gear, name))
+    needed = f"{PIECEWISE_EQUATION} needs them right: are digits and units those of the catalogue?"
+    return f"{given}: {'; '.join(found)}. {needed}"
 
 
 def _proportions(gear: Gear) -> Iterator[tuple[str, float, str, tuple[float, float]]]:

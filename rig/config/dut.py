@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field
 
 from rig.config.toml_file import Conflict, FileModel, Quantity, Table, parse_toml, read_text, whole_number_is_a_number
 from sim_backend.errors import ParameterError
-from sim_backend.model.estimation import LOSS, PIECEWISE, check_torques
+from sim_backend.model.estimation import LOSS, PIECEWISE_EQUATION, check_torques
 
 Positive = Annotated[float, BeforeValidator(whole_number_is_a_number), Field(gt=0, le=1e9)]
 Ratio = Annotated[float, BeforeValidator(whole_number_is_a_number), Field(ge=1, le=1e6)]
@@ -34,11 +34,11 @@ class Gear(FileModel):
     ratio: Annotated[Ratio | None, Quantity("", "theta_m = -N theta_o, Zhang (4),")] = None
     rotation: Annotated[Rotation, Field(strict=False)] = Rotation.OPPOSED
     rated_torque: Annotated[Positive | None, Quantity("N*m", "the torque up to which procedures load")] = None
-    K1: Annotated[Positive | None, Quantity("N*m/rad", PIECEWISE)] = None
-    K2: Annotated[Positive | None, Quantity("N*m/rad", PIECEWISE)] = None
-    K3: Annotated[Positive | None, Quantity("N*m/rad", PIECEWISE)] = None
-    T1: Annotated[Positive | None, Quantity("N*m", PIECEWISE)] = None
-    T2: Annotated[Positive | None, Quantity("N*m", PIECEWISE)] = None
+    K1: Annotated[Positive | None, Quantity("N*m/rad", PIECEWISE_EQUATION)] = None
+    K2: Annotated[Positive | None, Quantity("N*m/rad", PIECEWISE_EQUATION)] = None
+    K3: Annotated[Positive | None, Quantity("N*m/rad", PIECEWISE_EQUATION)] = None
+    T1: Annotated[Positive | None, Quantity("N*m", PIECEWISE_EQUATION)] = None
+    T2: Annotated[Positive | None, Quantity("N*m", PIECEWISE_EQUATION)] = None
     hysteresis_loss: Annotated[Positive | None, Quantity("rad", LOSS)] = None
     starting_torque: Annotated[Positive | None, Quantity("N*m", LOSS)] = None
     backdriving_torque: Annotated[Positive | None, Quantity("N*m", "T_w = -(T_F -+ T_fb)/N, Zhang (36),")] = None

@@ -3,7 +3,7 @@
 import math
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from operator import itemgetter
 from pathlib import Path
@@ -30,6 +30,9 @@ MAX_BYTES = 1_000_000
 _PLACE = re.compile(r"(?P<what>.*) \(at (line (?P<line>\d+), column \d+|end of document)\)", re.DOTALL)
 
 Table = Mapping[str, Any]
+
+Place = tuple[str | int, ...]
+"""Keys, from the outermost table on."""
 
 
 def whole_number_is_a_number(value: object) -> object:
@@ -105,9 +108,8 @@ class FileModel(BaseModel):
         except ValidationError as error:
             wrong = error.errors(include_url=False)
             found = [_line(item["loc"], item["input"], cls._rule(item), item["type"]) for item in wrong]
-            table = _without(data, [item["loc"] for item in wrong])
-            no_numbers = [item["loc"] for item in wrong if item["type"] in _WRONG_NUMBER]
-            table = _without(table, no_numbers, tables=True)
+            no_numbers = {item["loc"] for item in wrong if item["type"] in _WRONG_NUMBER}
+            table = _without(data, {item["loc"] for item in wrong}, whole=no_numbers)
         else:
             found, table = [], data
         if isinstance(table, Mapping):
@@ -198,22 +200,18 @@ def _line(place: Sequence[str | int], value: object, rule: str, kind: str = "rul
     return InitErrorDetails(type=told, loc=tuple(place), input=value)
 
 
-def _without(data: object, places: Iterable[Sequence[str | int]], *, tables: bool = False) -> object:
-    """Give the table with None at each of the places, also where a table stands there if `tables`.
+def _without(data: object, places: Set[Place], *, whole: Set[Place]) -> object:
+    """Give the data with None at each of the places; a table there stays, but for those in `whole`."""
+    begun = {place[:end] for place in places for end in range(len(place) + 1)}
 
-    What is no table is given as it is.
-    """
-    if not isinstance(data, Mapping):
-        return data
-    inner: dict[str | int, list[Sequence[str | int]]] = {}
-    for place in places:
-        if place and place[0] in data:
-            inner.setdefault(place[0], []).append(place[1:])
-    kept = dict(data)
-    for key, rest in inner.items():
-        is_table = isinstance(data[key], Mapping) and not (tables and () in rest)
-        kept[key] = _without(data[key], rest, tables=tables) if is_table else None
-    return kept
+    def left(value: object, at: Place) -> object:
+        if at not in begun:
+            return value
+        if isinstance(value, Mapping) and at not in whole:
+            return {key: left(inner, (*at, key)) for key, inner in value.items()}
+        return None
+
+    return left(data, ())
 
 
 def _syntax_mistake(text: str, message: str) -> Mistake:

@@ -1,7 +1,6 @@
 """The contract CSV: header `name[unit]`, comma, decimal point; beside `x.csv` an optional sidecar `x.toml`."""
 
 import csv
-import difflib
 import json
 import re
 from collections.abc import Callable, Mapping
@@ -12,7 +11,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Field, PlainValidator
 
-from drivers.errors import DataError
+from drivers.errors import DataError, near_names
 from drivers.signals import BY_NAME, INTEGER_SIGNALS, TIME
 from rig.config.toml_file import FileModel, parse_toml, plain_value, read_text, whole_number_is_a_number
 from rig.log.names import plain_name
@@ -24,6 +23,9 @@ from rig.log.units import find_unit, spellings, to_si
 _HEADER = re.compile(r"(?P<name>[^\[\]]*?)\s*(\[(?P<unit>[^\[\]]*)\])?")
 _UNFIT_FOR_HEADER = re.compile(r"[\[\]\r\n]")
 _ROWS_AT_ONCE = 10_000
+
+NEAR_FACT, NEAR_SIGNAL = 0.8, 0.85
+"""How alike (1: the same) a key or column must be to a known name for one to be taken for a slip of the other."""
 
 
 def _fact(value: object) -> object:
@@ -180,7 +182,7 @@ def near_miss_facts(facts: RunFacts) -> list[str]:
     known = list(RunFacts.model_fields)
     notes = []
     for key in facts.__pydantic_extra__ or {}:
-        close = difflib.get_close_matches(key, known, n=1, cutoff=0.8)
+        close = near_names(key, known, NEAR_FACT)
         if close:
             notes.append(f"metadata '{key}' is kept as it is; if '{close[0]}' was meant, correct the spelling")
     return notes
@@ -190,7 +192,7 @@ def near_miss_signal(name: str) -> list[str]:
     """Tell of an auxiliary column whose name looks like a misspelt contract signal, or is one without its unit."""
     if name in BY_NAME:
         return [f"column '{name}' is kept as auxiliary, since it states no unit; write {name}[{BY_NAME[name].unit}]"]
-    close = difflib.get_close_matches(name.lower(), [TIME.name, *BY_NAME], n=1, cutoff=0.85)
+    close = near_names(name, [TIME.name, *BY_NAME], NEAR_SIGNAL)
     return [f"column '{name}' is kept as auxiliary; if '{close[0]}' was meant, correct the spelling"] if close else []
 
 

@@ -9,8 +9,12 @@ from drivers.errors import DataError
 from rig.log.csv_file import read_csv
 from rig.log.mcap_reader import read_mcap
 from rig.log.run import Run
+from rig.terminal import counted
 
 READERS = {".mcap": read_mcap, ".csv": read_csv}
+
+MOST_NAMED = 3
+"""Logs of a folder that a message names."""
 
 
 def load_runs(paths: Iterable[Path]) -> tuple[Run, ...]:
@@ -41,8 +45,8 @@ def _called_by_folder(run: Run, folder: str) -> Run:
 
 
 def load_run(file: Path) -> Run:
-    """Read one file, MCAP or contract CSV. Raises DataError if it is unreadable."""
-    reader = READERS.get(file.suffix.lower())
+    """Read one file, MCAP or contract CSV. Raises DataError if it is unreadable or a folder."""
+    reader = READERS.get(one_log(file).suffix.lower())
     if reader is None:
         raise DataError(
             str(file),
@@ -51,6 +55,20 @@ def load_run(file: Path) -> Run:
             hint="Bring other formats in with rig import --map.",
         )
     return reader(file)
+
+
+def one_log(path: Path) -> Path:
+    """Give the path of what is to be opened as a single log. Raises DataError for a folder, naming logs in it."""
+    if not path.is_dir():
+        return path
+    found = logs_in(path)
+    names = ", ".join(file.name for file in found[:MOST_NAMED]) + (", ..." if len(found) > MOST_NAMED else "")
+    raise DataError(
+        str(path),
+        f"this is a folder, with {counted(len(found), 'log')} in it" + (f": {names}" if names else ""),
+        expected="one log",
+        hint=f"Name one of them: {found[0]}" if found else "",
+    )
 
 
 def logs_in(folder: Path) -> list[Path]:

@@ -10,6 +10,7 @@ from mcap.reader import make_reader
 from mcap.records import Channel
 
 from drivers.errors import ConfigError, DataError, Mistake
+from rig.log.load import one_log
 from rig.log.mcap_file import McapFile
 from rig.log.mcap_reader import LogContent, read_content
 from rig.log.schema import SAMPLE_TOPIC
@@ -42,11 +43,11 @@ class RecoverReport:
 def recover(path: Path, out: Path | None = None) -> RecoverReport:
     """Copy every readable record of `path` to `out` (default `<name>-recovered.mcap` beside it).
 
-    Raises DataError if `path` is no MCAP file or the copy does not hold what was read, ConfigError if `out` exists
-    or cannot be written.
+    Raises DataError if `path` is a folder or no MCAP file, or the copy does not hold what was read; ConfigError if
+    `out` exists or cannot be written.
     """
     target = out if out is not None else path.with_name(f"{path.stem}-recovered.mcap")
-    content = LogContent(path)
+    content = LogContent(one_log(path))
     messages: list[tuple[Channel, bytes, int]] = []
     read_content(content, lambda channel, records, stride: messages.append((channel, records, stride)))
     if not messages:

@@ -9,6 +9,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.terminal import shortened
+
 Floats = NDArray[np.float64]
 
 
@@ -97,8 +99,7 @@ class Run:
         if self.reason is None:
             return f"the run {how}"
         first = self.reason.split(". ")[0].rstrip(".")
-        shown = first if len(first) <= LONGEST_REASON else f"{first[: LONGEST_REASON - 3]}..."
-        return f"the run {how} ({shown})"
+        return f"the run {how} ({shortened(first, LONGEST_REASON)})"
 
 
 def endings(runs: Iterable[Run]) -> tuple[str, ...]:

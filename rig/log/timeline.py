@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from drivers.errors import DataError
 from drivers.signals import INTEGER_SIGNALS
 from rig.log.run import Floats, ProcedureName, Run, RunEvent
+from rig.terminal import counted
 
 Indices = NDArray[np.intp]
 
@@ -55,7 +56,7 @@ def make_run(
     check_stamps(len(time), len(merged_time), file)
     if groups is not None:
         count = len(time) - len(merged_time)
-        notes.append(f"{count} sample{'s' if count > 1 else ''} with the time stamp of the one before merged by mean")
+        notes.append(f"{counted(count, 'sample')} with the time stamp of the one before merged by mean")
         signals = {name: _merge(name, column, groups) for name, column in signals.items()}
         auxiliary = {name: _merge(name, column, groups) for name, column in auxiliary.items()}
     if not len(time):
@@ -65,11 +66,8 @@ def make_run(
     relative = merged_time - start
     gaps = find_gaps(relative)
     if gaps:
-        count = len(gaps)
-        notes.append(
-            f"{count} gap{'s' if count > 1 else ''} of more than {GAP_PERIODS} nominal periods, "
-            f"the first after {gaps[0]:.6g} s"
-        )
+        found = counted(len(gaps), "gap")
+        notes.append(f"{found} of more than {GAP_PERIODS} nominal periods, the first after {gaps[0]:.6g} s")
     return Run(
         name=file.stem,
         file=file,
@@ -132,7 +130,7 @@ def check_stamps(samples: int, stamps: int, file: Path) -> None:
     if samples > 1 and (stamps == 1 or stamps < LEAST_SHARE * samples):
         raise DataError(
             str(file),
-            f"the {samples} samples have only {stamps} different time stamp{'s' if stamps > 1 else ''}",
+            f"the {samples} samples have only {counted(stamps, 'different time stamp')}",
             column="time",
             expected="a stamp for each sample",
             hint="Check the column, unit, scale and offset of time.",

@@ -11,7 +11,7 @@ import numpy as np
 
 from drivers.clock import Clock, RealClock
 from drivers.errors import DataError
-from rig.config.catalogue import doubts
+from rig.config.catalogue import doubt
 from rig.config.dut import Dut
 from rig.log.run import ProcedureName, Run, endings
 from rig.loop.campaign import LoopOptions, split_runs
@@ -88,10 +88,10 @@ def trace(
             expected="both positions and the ratio, or a torque or current with a position",
             hint="Check the channels in the log, and the ratio in the device file.",
         )
-    on_stage(f"fitting {len(campaign.train)} runs and searching what they leave ...")
+    on_stage(f"fitting {len(campaign.train)} runs and searching what they leave")
     known = known_parameters(dut, ratio)
     base, selection, fastest = _selected(pieces, start, options.alpha, known, on_stage)
-    on_stage(f"{clock.now() - started:.0f} s: looking at the {len(campaign.held_out)} held-out runs")
+    on_stage(f"looking at the {len(campaign.held_out)} held-out runs")
     fastest = min(fastest, _known_speed(pieces, selection))
     final = selection.fit
     sides = {
@@ -400,7 +400,8 @@ def _remarks(tracks: Sequence[Track], runs: Sequence[Run], dut: Dut, model: Mode
         found.append(f"The device file gives no ratio; {ratio:.6g} was measured from both encoders.")
     if not any(run.replicate is not None for run in runs):
         found.append("No replicate runs: the floor is computed or unknown, and structure is judged by shape alone.")
-    found += [f"The device file is doubtful: {text}" for text in doubts(dut)]
+    if doubtful := doubt(dut):
+        found.append(f"The device file is doubtful: {doubtful}")
     for name, catalogue, measured in _far_from_catalogue(dut, model):
         found.append(
             f"The device file's {name} ({catalogue:.4g} N*m) is {catalogue / measured:.2g} times what these runs show, "

@@ -1,7 +1,6 @@
 """All items of all papers, how a person names them, and the command that runs one again."""
 
 import re
-import zlib
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -12,11 +11,13 @@ from rig.terminal import shortened
 
 ITEMS: tuple[Item, ...] = (*zhang2014.ITEMS, *castejon2009.ITEMS, *both.ITEMS)
 
+COMMAND = "rig papers"
+
 LONGEST = 4
 """Digits of a number that can be an equation's or a figure's."""
 
 LONGEST_STEM = 100
-"""Letters of the names in the name of a report; what is longer is told apart by a checksum."""
+"""Letters of the names in the name of a report; where there are more, the first is named and the others are counted."""
 
 
 def choose(names: Sequence[str], items: Sequence[Item] = ITEMS) -> tuple[Item, ...]:
@@ -38,21 +39,26 @@ def file_name(item: Item, end: str = "") -> str:
     return words.strip("-")
 
 
-def report_stem(names: Sequence[str], items: Sequence[Item] = ITEMS) -> str:
-    """Give the stem of the report on the items which `names` name; "" where they are all items there are.
+def report_stem(names: Sequence[str], chosen: Sequence[Item]) -> str:
+    """Give the stem of the report on the items that `names` chose; "" where they are all items there are.
 
     One part has one stem however it is typed: "Table 1" and "castejon2009/table1" give "castejon2009-table1".
     """
-    if choose(names, items) == tuple(items):
+    if tuple(chosen) == ITEMS:
         return ""
-    parts = dict.fromkeys(_part_stem(name, items) for name in names)
+    parts = list(dict.fromkeys(_part_stem(name, chosen) for name in names))
     stem = "+".join(parts)
-    return stem if len(stem) <= LONGEST_STEM else f"{stem[:LONGEST_STEM]}-{zlib.crc32(stem.encode()):08x}"
+    return stem if len(stem) <= LONGEST_STEM else f"{parts[0]}-and-{len(parts) - 1}-more"
+
+
+def part(item: Item, row: Row) -> str:
+    """Give the name under which a row is computed again, with its item: castejon2009/eq35."""
+    return f"{item.paper}/{_short(row.item or item.what)}"
 
 
 def command(item: Item, row: Row) -> str:
-    """Give the command that computes a row again: it runs the row's item."""
-    return f"rig papers {item.paper}/{_short(row.item or item.what)}"
+    """Give the command that computes a row again."""
+    return f"{COMMAND} {part(item, row)}"
 
 
 def _what_there_is(name: str, items: Sequence[Item]) -> str:
@@ -118,8 +124,8 @@ def _without_paper(name: str, paper: str) -> list[str]:
 def _part_stem(name: str, items: Sequence[Item]) -> str:
     """Give the papers in which `name` names something, then the part."""
     papers = list(dict.fromkeys(item.paper for item in items if _names(name, item)))
-    part = _short(" ".join(_without_paper(name, papers[0])))
-    return "-".join([*papers, *([part] if part else [])])
+    rest = _short(" ".join(_without_paper(name, papers[0])))
+    return "-".join([*papers, *([rest] if rest else [])])
 
 
 def _within(wanted: list[str], what: list[str]) -> bool:

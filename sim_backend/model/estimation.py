@@ -13,7 +13,7 @@ from sim_backend.model.limits import require_numbers, require_within
 
 _STIFFENING = "C_F = 2 sqrt((K2 - K1)/(K1 (T1+T2)^2 - K2 T1^2)), Zhang (32),"
 LOSS = "K_w0 = 2 T_fs/(N Psi), Zhang (33),"
-PIECEWISE = "f = T1/K1 + (T - T1)/K2 from T1 to T2, Zhang (11),"
+PIECEWISE_EQUATION = "f = T1/K1 + (T - T1)/K2 from T1 to T2, Zhang (11),"
 """What needs the catalogue's torques and stiffnesses, whatever law is fitted."""
 
 _CUBIC = "T = a1 f + a3 f^3, Zhang (10),"
@@ -82,7 +82,7 @@ def _cubic_stiffness(torque: float, a1: float, a3: float) -> float:
     return a1 * (1.0 + 4.0 * math.sinh(math.asinh(1.5 * torque / (a1 * size)) / 3.0) ** 2)
 
 
-def check_torques(T1: float, T2: float, equation: str = PIECEWISE) -> None:
+def check_torques(T1: float, T2: float, equation: str = PIECEWISE_EQUATION) -> None:
     """Raise ParameterError unless the torques at which the catalogue's stiffness changes (N*m) are in order."""
     require("T1", T1, "N*m", equation, above=0.0)
     require("T2", T2, "N*m", equation, above=T1)

@@ -15,6 +15,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from drivers.clock import RealClock
+from drivers.errors import DriveFaultError
 from drivers.signals import BY_NAME
 from drivers.types import Sample
 from rig.cli import app
@@ -149,22 +150,45 @@ def test_show_prints_measurements_as_the_run_did_and_parameters_with_their_units
     assert not any("{" in line for line in lines)
 
 
-def test_show_prints_metadata_that_is_no_json_as_it_is(tmp_path):
+@pytest.mark.parametrize(
+    ("measurements", "told"),
+    [
+        ('[{"name": "x"}]', "outcome.measurements name x"),
+        ('[{"name": 1, "value": 2.5, "unit": "N*m"}]', "1 2.5 N*m"),
+        ('[{"name": "x", "value": 2.5, "unit": "N*m", "uncertainty": "nan"}]', "x 2.5 nan N*m"),
+        ('[{"name": "x", "value": 2.5, "unit": "N*m", "uncertainty": []}]', "name x, value 2.5, unit N*m"),
+        ('[{"name": "x", "value": %s, "unit": "N*m"}]' % ("1" + 400 * "0"), "outcome.measurements name x"),
+        ("[1, 2]", "outcome.measurements 1"),
+    ],
+)
+def test_show_prints_metadata_that_is_no_json_as_it_is(tmp_path, measurements, told):
     info = {"run_id": "1", "parameters": "{speed", "note": "[see page 3]"}
     writer = LogWriter(tmp_path / "x.mcap", info, attachments={}, cycle_rate=1000, epoch_ns=0)
     writer.write(Sample(time=0.0, cycle=0, motor_position=1.0))
-    writer.close({"status": "done", "measurements": '[{"name": "x"}]'})
-    lines = [" ".join(line.split()) for line in rig("show", tmp_path / "x.mcap").stdout.splitlines()]
-    for told in ("parameters {speed", "note [see page 3]", "outcome.measurements name x"):
-        assert told in lines, told
+    writer.close({"status": "done", "measurements": measurements})
+    answer = rig("show", tmp_path / "x.mcap")
+    assert answer.exit_code == 0
+    shown = "\n".join(" ".join(line.split()) for line in answer.stdout.splitlines())
+    for text in ("parameters {speed", "note [see page 3]", told):
+        assert text in shown, text
 
 
-def test_a_folder_is_no_log_and_the_message_says_so_and_names_one(campaign, tmp_path):
-    answer = rig("show", campaign)
+@pytest.mark.parametrize("command", ["show", "recover"])
+def test_a_folder_is_no_log_and_the_message_says_so_and_names_one(campaign, tmp_path, command):
+    answer = rig(command, campaign)
     assert answer.exit_code == 5
     assert "this is a folder, with 1 log in it: locked-output-angle-1.mcap" in answer.stderr
-    assert f"rig show {campaign / 'locked-output-angle-1.mcap'}" in answer.stderr
-    assert "a folder, with 0 logs in it. Expected one log" in rig("show", tmp_path).stderr
+    assert f"Name one of them: {campaign / 'locked-output-angle-1.mcap'}" in answer.stderr
+    assert "a folder, with 0 logs in it. Expected one log" in rig(command, tmp_path).stderr
+
+
+def test_a_folder_in_the_place_of_a_model_is_answered_with_the_model_in_it(tmp_path):
+    arguments = ("run", "locked-output", "--dry-run", "--model", tmp_path)
+    answer = rig(*arguments)
+    assert answer.exit_code == 2
+    assert answer.stderr.endswith("is a folder, no model.\n")
+    (tmp_path / "model.json").write_text("{}")
+    assert rig(*arguments).stderr.endswith(f"is a folder, no model. The model in it is {tmp_path / 'model.json'}.\n")
 
 
 def test_logs_in_the_place_of_the_model_are_answered_with_the_order_that_is_meant(campaign):
@@ -183,6 +207,12 @@ def test_the_loop_is_named_as_next_only_where_two_runs_are_there_and_earlier_log
     lines = second.splitlines()
     assert lines.index(told) < next(k for k, line in enumerate(lines) if line.startswith("backdrive, run 1/1"))
     assert second.endswith(f"Logs in {tmp_path}. Next: rig loop {tmp_path}\n")
+
+
+def test_logs_of_starting_torques_do_not_count_as_runs_for_the_loop(tmp_path):
+    (tmp_path / "starting-torque-angle-1.mcap").write_bytes(b"")
+    told = rig("run", "backdrive", *SHORT_BACKDRIVE, "-o", tmp_path).stderr
+    assert told.endswith(f"Logs in {tmp_path}.\n")
 
 
 def test_a_prediction_of_an_aborted_run_says_that_it_was_aborted(tmp_path):
@@ -558,6 +588,31 @@ def test_a_dry_run_that_is_stopped_says_that_nothing_moved():
     assert told.endswith(" This was a dry run: no device was opened and nothing moved.")
     for alarming in ("Reaction", "confirmed", "CONFIRMED", ".mcap"):
         assert alarming not in told
+
+
+def test_a_dry_run_that_fails_tells_what_could_not_be_cleaned_up_and_that_nothing_moved(monkeypatch):
+    error = DriveFaultError("motor", "is in fault", state="fault")
+    notes = [
+        "Reaction: disable; the drives confirmed it.",
+        "Closing the bench failed too: no answer.",
+        "The log up to here is complete: /tmp/x.mcap",
+    ]
+    error.facts |= {"reaction": "disable", "confirmed": True}
+
+    def fail(*_: object) -> None:
+        error.__notes__ = list(notes)
+        raise error
+
+    monkeypatch.setattr("rig.commands.run.run_jobs", fail)
+    answer = rig("run", "locked-output", "--dry-run")
+    assert answer.exit_code == 3
+    assert answer.stderr.splitlines()[-1] == (
+        "Dry run stopped: Drive 'motor' is in fault (state: fault). Closing the bench failed too: no answer. "
+        "This was a dry run: no device was opened and nothing moved."
+    )
+    told = json.loads(rig("run", "locked-output", "--dry-run", "--json").stdout)["error"]
+    assert told["notes"] == [notes[1], "This was a dry run: no device was opened and nothing moved."]
+    assert (told["dry_run"], told["reaction"], told["confirmed"]) == (True, "disable", True)
 
 
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])

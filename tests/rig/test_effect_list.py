@@ -2,11 +2,13 @@
 
 import itertools
 import json
+import re
 
 import pytest
 from typer.testing import CliRunner, Result
 
 from rig.cli import app
+from rig.commands.lists import GROUPS
 from sim_backend.model.effects import CATALOGUE, Enters
 
 
@@ -79,7 +81,7 @@ def test_a_name_gives_that_effect_alone_and_explains_what_its_equation_uses():
 @pytest.mark.parametrize("enters", list(Enters))
 def test_a_group_gives_its_effects_alone(enters: Enters):
     wanted = [effect.id for effect in CATALOGUE.values() if effect.enters is enters]
-    for name in (str(enters), str(enters).replace(" ", "-"), str(enters).upper()):
+    for name in (str(enters), str(enters).replace(" ", "-"), str(enters).replace(" ", "_"), str(enters).upper()):
         assert list(told_of_each(effects(name, "--brief", width=200).stdout.splitlines())) == wanted
     headings = [line for line in effects(str(enters)).stdout.splitlines() if line.split(": ")[0].isupper()]
     assert [line.split(": ")[0] for line in headings] == [str(enters).upper()]
@@ -89,6 +91,12 @@ def test_groups_and_effects_can_be_named_together():
     records = json.loads(effects("motor-balance", "creep", "--json").stdout)["effects"]
     balance = {effect.id for effect in CATALOGUE.values() if effect.enters is Enters.MOTOR_BALANCE}
     assert {record["id"] for record in records} == {*balance, "creep"}
+
+
+def test_the_help_names_every_group():
+    told = CliRunner(env={"COLUMNS": "200"}).invoke(app, ["effects", "--help"]).stdout
+    for name in GROUPS:
+        assert re.search(rf"[ :]{name}[,.]", told), name
 
 
 def test_no_group_has_the_name_of_an_effect():
@@ -131,7 +139,7 @@ def test_json_of_one_effect():
         ("Kinematic_Error", "did you mean kinematic-error?"),
         ("eccentricity", "did you mean motor-encoder-eccentricity or output-encoder-eccentricity?"),
         ("gravity", "did you mean gravity-load?"),
-        ("motor_balance", "did you mean motor-balance"),
+        ("motor_balanse", "did you mean motor-balance"),
         ("xyz", "unknown."),
     ],
 )

@@ -10,6 +10,9 @@ from rig.config.toml_file import mistakes_of
 from rig.loop.files.model_check import mistakes_in
 from rig.loop.files.model_file import Model
 
+MODEL_NAME = "model.json"
+"""What `rig loop` calls the model in its folder."""
+
 MAX_BYTES = 5_000_000
 
 _HINT = "Write it anew with `rig loop`."
@@ -26,7 +29,10 @@ def load_model(path: Path) -> Model:
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise ConfigError(str(path), [Mistake("file", path.name, error.strerror or str(error))]) from error
+        inside = path / MODEL_NAME
+        rule = "is a folder, no model" if path.is_dir() else error.strerror or str(error)
+        hint = f"The model in it is {inside}." if inside.is_file() else ""
+        raise ConfigError(str(path), [Mistake("file", path.name, rule)], hint=hint) from error
     if len(data) > MAX_BYTES:
         raise ConfigError(str(path), [Mistake("file", f"{len(data)} bytes", f"at most {MAX_BYTES} bytes")])
     try:

@@ -73,11 +73,8 @@ def four_speeds(_: Workbench) -> tuple[AtSpeed, ...]:
 
 
 def four_speeds_to_draw(_: Workbench) -> tuple[AtSpeed, ...]:
-    """Run all four speeds for two motor turns, with some 500 samples in each: what is drawn over a turn is round."""
-    return tuple(
-        steady_run(CHOSEN_ERROR, speed, seconds=2.0 * turn, period=STEP * round(turn / DRAWN / STEP))
-        for speed, turn in ((speed, 2.0 * np.pi / speed) for speed in SPEEDS)
-    )
+    """Run all four speeds for two motor turns, some 500 samples a turn; for drawing only."""
+    return tuple(_two_turns(speed) for speed in SPEEDS)
 
 
 def four_speeds_order_2(_: Workbench) -> tuple[AtSpeed, ...]:
@@ -88,3 +85,8 @@ def four_speeds_order_2(_: Workbench) -> tuple[AtSpeed, ...]:
 def rpm(speed: float) -> str:
     """Name a speed (rad/s)."""
     return f"{speed / RPM:.0f} rpm"
+
+
+def _two_turns(speed: float) -> AtSpeed:
+    turn = 2.0 * np.pi / speed
+    return steady_run(CHOSEN_ERROR, speed, seconds=2.0 * turn, period=STEP * round(turn / DRAWN / STEP))

@@ -61,7 +61,7 @@ def closed(bench: Workbench) -> Closed:
         "replicate_pairs": "2",
     }
     campaign: Recorded = record(bench, "closing-campaign", "locked-output", settings, effects=effects, seed=3)
-    bench.tell("  closing the loop ...")
+    bench.tell("  closing the loop")
     result = trace((paper, *campaign.runs), paper_dut(), LoopOptions(held_out=(HELD_OUT,)))
     falling = branches(paper)[1]
     (torsion,) = (item for item in predict_run(paper, result.model) if item.column == "torsion")
