@@ -42,10 +42,30 @@ def _handle(handler: Callable[[int, FrameType | None], None]) -> None:
         signal.signal(number, handler)
 
 
+def interrupt_if_unheard() -> None:
+    """Raise Interrupted again if it got lost in code that catches everything; before motion and between long stages.
+
+    C code that asks whether something exists does so, and so do destructors.
+    """
+    handler = signal.getsignal(signal.SIGTERM)
+    if isinstance(handler, _Raised):
+        raise Interrupted(handler.by)
+
+
+class _Raised:
+    """Handler once Interrupted was raised: one signal that follows closely must not interrupt what tells the end."""
+
+    def __init__(self, by: str) -> None:
+        self.by = by
+        self._one_passed = False
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        if self._one_passed:
+            _interrupt(number, frame)
+        self._one_passed = True
+
+
 def _interrupt(number: int, _frame: FrameType | None) -> None:
-    _handle(_let_one_pass)  # one that follows closely must not interrupt what takes care of this one
-    raise Interrupted(signal.Signals(number).name)
-
-
-def _let_one_pass(_number: int, _frame: FrameType | None) -> None:
-    _handle(_interrupt)  # should the first have got lost in code that catches everything, the next counts again
+    by = signal.Signals(number).name
+    _handle(_Raised(by))
+    raise Interrupted(by)

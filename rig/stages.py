@@ -7,6 +7,7 @@ from types import TracebackType
 from typing import Self, final
 
 from drivers.clock import Clock
+from rig.interrupt import interrupt_if_unheard
 from rig.terminal import tell
 
 TERMINAL, ELSEWHERE = 5.0, 15.0
@@ -37,7 +38,8 @@ class Stages:
         self._thread = threading.Thread(target=self._remind, name="stages", daemon=True)
 
     def __call__(self, text: str) -> None:
-        """Tell that another stage begins."""
+        """Tell that another stage begins. Raises Interrupted if a stop signal came before it that was lost."""
+        interrupt_if_unheard()
         self._say(text)
         self._stage = (text, self._clock.now())
         self._changed.set()

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 from drivers.errors import AbortedError
-from rig.interrupt import handled_signals, ignore_signals
+from rig.interrupt import handled_signals, ignore_signals, interrupt_if_unheard
 
 
 class Stop:
@@ -32,6 +32,7 @@ class Stop:
         def on_signal(number: int, _frame: FrameType | None) -> None:
             self.request(signal.Signals(number).name)
 
+        interrupt_if_unheard()
         before = {number: signal.signal(number, on_signal) for number in handled_signals()}
         try:
             yield self
