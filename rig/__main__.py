@@ -2,7 +2,7 @@
 
 import sys
 
-from rig.interrupt import Interrupted, ignore_signals, interrupt_on_signals
+from rig.interrupt import ignore_signals, interrupt_on_signals, raised_interrupt
 
 
 def main() -> None:
@@ -15,9 +15,12 @@ def main() -> None:
         from rig.cli import app
 
         app()
-    except Interrupted as interrupted:
+    except BaseException:
+        by = raised_interrupt()
+        if by is None:
+            raise
         ignore_signals()
-        print(f"Aborted by {interrupted.by}.", file=sys.stderr)
+        print(f"Aborted by {by}.", file=sys.stderr)
         sys.exit(4)
     finally:
         # what remains is the interpreter's own end, which would fall back to the system's reaction

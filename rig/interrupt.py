@@ -42,14 +42,21 @@ def _handle(handler: Callable[[int, FrameType | None], None]) -> None:
         signal.signal(number, handler)
 
 
-def interrupt_if_unheard() -> None:
-    """Raise Interrupted again if it got lost in code that catches everything; before motion and between long stages.
+def raised_interrupt() -> str | None:
+    """Give the name of the stop signal that was raised as Interrupted and for which nobody has called ignore_signals.
 
-    C code that asks whether something exists does so, and so do destructors.
+    What was raised may have got lost in code that catches everything (C code that asks whether something exists,
+    destructors), or have become another exception (a library that wraps whatever happens in it).
     """
     handler = signal.getsignal(signal.SIGTERM)
-    if isinstance(handler, _Raised):
-        raise Interrupted(handler.by)
+    return handler.by if isinstance(handler, _Raised) else None
+
+
+def interrupt_if_unheard() -> None:
+    """Raise Interrupted again if it got lost; before motion and between long stages."""
+    by = raised_interrupt()
+    if by is not None:
+        raise Interrupted(by)
 
 
 class _Raised:

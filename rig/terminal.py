@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 
 from drivers.errors import AbortedError, ConfigError, RigError
-from rig.interrupt import Interrupted, ignore_signals
+from rig.interrupt import ignore_signals, raised_interrupt
 from rig.outlets import NobodyReads
 
 MAX_SHOWN = 60
@@ -49,11 +49,15 @@ def carry_out(command: Callable[[], object], *, as_json: bool) -> int:
         return code if isinstance(code, int) else 0
     except NobodyReads:
         return 0
-    except RigError as caught:
-        error = caught
-    except Interrupted as interrupted:
-        ignore_signals()  # a second one must not cut the message short
-        error = AbortedError(interrupted.by)
+    except BaseException as caught:
+        by = raised_interrupt()
+        if by is not None:
+            ignore_signals()  # a second one must not cut the message short
+            error = AbortedError(by)
+        elif isinstance(caught, RigError):
+            error = caught
+        else:
+            raise
     with suppress(NobodyReads, ConfigError):  # that stdout is lost as well, the exit code need not tell
         _report(error, as_json)
         sys.stdout.flush()

@@ -51,3 +51,27 @@ def test_a_third_signal_counts_again_when_the_first_got_lost():
         check=True,
     )
     assert done.stdout == "interrupted by SIGINT\n"
+
+
+WRAPPING = """
+import os, signal, sys
+from rig.interrupt import interrupt_on_signals
+from rig.terminal import carry_out
+
+def command():
+    try:
+        os.kill(os.getpid(), signal.SIGHUP)
+    except BaseException as error:
+        raise ValueError("the schema cannot be built") from error
+
+interrupt_on_signals()
+sys.exit(carry_out(command, as_json=False))
+"""
+"""What gives every Interrupted another name, as pydantic does while it builds the checks of a file."""
+
+
+def test_a_stop_signal_that_a_library_wrapped_is_told_as_the_abort():
+    done = subprocess.run([sys.executable, "-c", WRAPPING], capture_output=True, text=True, check=False)
+    assert done.returncode == 4
+    assert done.stderr.startswith("Aborted by SIGHUP")
+    assert len(done.stderr.splitlines()) == 1
