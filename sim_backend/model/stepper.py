@@ -122,7 +122,10 @@ The last three are the energy account, J: work of both drives, heat, work on eff
 
 
 STEEP = 1500.0
-"""1/s: rate of a spring's torque, times C_w or C_F, beyond which it bends too much within a step."""
+"""1/s: rate of a spring's torque, times its largest d(ln K)/dT, beyond which it bends too much within a step.
+
+That is C_w of the wave generator, and of the flexspline what its own law has (`Constants.flexspline_stiffening`).
+"""
 
 PAYABLE = 0.5
 """Part of the kinetic energy that may be paid at once; what is owed beyond it waits until the bodies are faster."""
@@ -253,6 +256,7 @@ def advance(
     h = c.step
     half_m, half_o = 0.5 * h / c.motor_inertia, 0.5 * h / c.output_inertia
     rotor_loss = half_m * c.rotor_friction
+    steep = STEEP * h
 
     for i in range(steps):
         if wait <= 0.0:
@@ -312,7 +316,7 @@ def advance(
         if COUPLED:
             gap = coupling_angle(elastic, effect_parameters, c)
         last_wound, wound = wound, theta_m + c.ratio * rim + gap
-        if abs(elastic - last_elastic) * c.C_w > STEEP * h or abs(T_F - last_T_F) * c.C_F > STEEP * h:
+        if abs(elastic - last_elastic) * c.C_w > steep or abs(T_F - last_T_F) * c.flexspline_stiffening > steep:
             stored = flexspline_energy(torsion, c) - flexspline_energy(last_torsion, c)
             owed += missed(stored, torsion - last_torsion, last_T_F - last_damper_F, T_F - damper_F)
             stored = wave_generator_energy(wound, c) - wave_generator_energy(last_wound, c)
