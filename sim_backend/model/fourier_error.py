@@ -91,7 +91,7 @@ def identify(motor_position: Floats, error: Floats, orders: int = ORDERS) -> Fou
     """
     require_all("motor_position", motor_position, "rad", "(18), (19)", low=-FURTHEST, high=FURTHEST)
     require_all("error", error, "rad", "(18), (19)", low=-LARGEST_ERROR, high=LARGEST_ERROR)
-    orders = _whole("orders", orders)
+    orders = _count_of_orders(orders)
     angle, value = np.asarray(motor_position, dtype=np.float64), np.asarray(error, dtype=np.float64)
     if angle.ndim != 1 or angle.shape != value.shape:
         raise ModelError(f"motor_position {angle.shape} and error {value.shape} must be two series of one length.")
@@ -111,12 +111,15 @@ def identify(motor_position: Floats, error: Floats, orders: int = ORDERS) -> Fou
     return FourierError(float(np.sum(weighted)), tuple(a.tolist()), tuple(b.tolist()))
 
 
-def _whole(name: str, value: int) -> int:
-    """Give a count of orders; raise ModelError unless it is a whole number that can be."""
-    require(name, value, "", "(17)", low=1.0, high=MOST_ORDERS)
-    if not float(value).is_integer():
-        raise ModelError(f"{name} = {shown(value)} must be a whole number from 1 to {MOST_ORDERS}; (17) needs it.")
-    return int(value)
+def _count_of_orders(orders: int) -> int:
+    """Give the count; raise ModelError unless it is a whole number that can be."""
+    require("orders", orders, "", "(17)", low=1.0, high=MOST_ORDERS)
+    if not float(orders).is_integer():
+        raise ModelError(
+            f"orders = {shown(orders)} is not possible: it must be a whole number, at least 1 and at most "
+            f"{MOST_ORDERS:.6g}; (17) needs it."
+        )
+    return int(orders)
 
 
 def whole_turns(angle: Floats, value: Floats) -> tuple[Floats, Floats, int]:
