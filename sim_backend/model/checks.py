@@ -23,8 +23,10 @@ def number_of(value: object) -> float | None:
 
 
 def is_series(values: object) -> bool:
-    """Tell whether these are several values, such as a tuple or a list, and no text."""
-    return isinstance(values, Sequence) and not isinstance(values, str)
+    """Tell whether these are several values, such as a tuple, a list or a numpy array, and no text or bytes."""
+    if isinstance(values, str | bytes | bytearray | memoryview):
+        return False
+    return isinstance(values, Sequence) or getattr(values, "ndim", 0) > 0
 
 
 def require(

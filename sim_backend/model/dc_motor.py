@@ -95,7 +95,7 @@ def motor_from_speeds(
             f"{slope**2 / 4.0 / resistance:.3g} N*m*s/rad leave a motor that turns 1 rad/s per {slope:.4g} V; "
             f"k^2 - slope k + R drag = 0 needs it."
         )
-    return DcMotor(resistance, inductance, 0.5 * (slope + math.sqrt(rest)))
+    return DcMotor(resistance, inductance, 0.5 * (float(slope) + math.sqrt(rest)))
 
 
 def _require_rows(rows: Sequence[tuple[float, float]]) -> None:
@@ -105,7 +105,7 @@ def _require_rows(rows: Sequence[tuple[float, float]]) -> None:
     )
     if not is_series(rows):
         raise ModelError(f"rows = {shown(rows)} is not possible: it must be a sequence with at least one {pair}")
-    if not rows:
+    if len(rows) == 0:
         raise ModelError(f"rows is empty: it must have at least one {pair}")
     for place, row in enumerate(rows):
         if not is_series(row) or len(row) != len(("voltage", "speed")):

@@ -56,6 +56,8 @@ class FourierError:
         names = ("a_0", *(f"a_{n}" for n in orders), *(f"b_{n}" for n in orders))
         for name, value in zip(names, self.coefficients, strict=True):
             require(name, value, "rad", "(17)", low=-LARGEST, high=LARGEST)
+        object.__setattr__(self, "a", tuple(map(float, self.a)))  # also of a list or an array
+        object.__setattr__(self, "b", tuple(map(float, self.b)))
 
     @property
     def coefficients(self) -> tuple[float, ...]:

@@ -188,6 +188,7 @@ class ActiveEffect:
                     f"{self.effect.id}: {parameter.name} = {shown(value)} {parameter.unit} is outside "
                     f"{parameter.low:g} to {parameter.high:g} {parameter.unit}; {self.effect.equation} needs it."
                 )
+        object.__setattr__(self, "values", tuple(map(float, self.values)))  # also of a list or an array
 
 
 def _check_kinds(effect: object, values: object) -> None:

@@ -142,6 +142,7 @@ def test_a_whole_number_of_another_type_is_a_count_of_orders():
     [
         ((0.0, 1.0, 2.0), r"^a = 1\.0 is not possible: it must be a tuple .*\(rad\) .*\(17\) needs it"),
         ((0.0, (1.0,), None), r"^b = None is not possible"),
+        ((0.0, b"1", b"2"), r"^a = b'1' is not possible"),
         ((0.0, "1", "2"), r"^a = '1' is not possible"),
         ((None, (), ()), r"^a_0 = None is no number: .* at most 1e\+100 rad; \(17\) needs it"),
         ((0.0, (1.0, "1"), (1.0, 1.0)), r"^a_2 = '1' is no number"),
@@ -152,6 +153,12 @@ def test_a_whole_number_of_another_type_is_a_count_of_orders():
 def test_coefficients_that_no_series_has_are_refused_by_name(coefficients, message):
     with pytest.raises(ModelError, match=message):
         FourierError(*coefficients)
+
+
+def test_coefficients_may_be_lists_or_arrays():
+    series = FourierError(0.0, np.array([1.0, 2.0]), [3.0, 4.0])
+    assert series == FourierError(0.0, (1.0, 2.0), (3.0, 4.0))
+    assert hash(series) == hash(FourierError(0.0, (1.0, 2.0), (3.0, 4.0)))
 
 
 @pytest.mark.parametrize("values", [None, "1", ["1"], [None], [1j], [10**400], [1e308], [math.inf]])
