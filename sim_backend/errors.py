@@ -10,6 +10,8 @@ def shown(value: object) -> str:
     """Give a value as a message shows it: short, also a whole number of hundreds of digits or a long list."""
     if isinstance(value, int) and abs(value) > 10**_MOST_SHOWN:  # of 4300 digits Python would print none
         return f"about {Decimal(value):.0e}"
+    if isinstance(value, str):  # of an enum its text alone
+        value = str(value)
     try:
         text = repr(value)
     except ValueError:  # such a number within a list

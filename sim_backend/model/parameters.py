@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 from enum import StrEnum
 from typing import Self
 
-from sim_backend.errors import ModelError
+from sim_backend.errors import ModelError, shown
 from sim_backend.model import limits
 from sim_backend.model.checks import require
 from sim_backend.model.compliance import Compliance
@@ -164,7 +164,7 @@ class PlantConfig:
     def __post_init__(self) -> None:
         if self.rotation != Rotation.OPPOSED:
             raise ModelError(
-                f"rotation = {str(self.rotation)!r}: the simulated bench turns its output against the motor only. "
+                f"rotation = {shown(self.rotation)}: the simulated bench turns its output against the motor only. "
                 f"Use 'opposed', or mirror the motor's signals before they reach the model."
             )
         self._check_parts()
@@ -182,11 +182,11 @@ class PlantConfig:
     def _check_parts(self) -> None:
         """Raise ModelError if drive or flexspline is something else."""
         if not isinstance(self.drive, HarmonicDrive):
-            raise ModelError(f"drive = {self.drive!r} is not possible: a bench needs a HarmonicDrive.")
+            raise ModelError(f"drive = {shown(self.drive)} is not possible: a bench needs a HarmonicDrive.")
         if not isinstance(self.flexspline, Cubic | Piecewise | None):
             raise ModelError(
-                f"flexspline = {self.flexspline!r} is not possible: it must be None (the drive's own law, Zhang (24)), "
-                f"Cubic (10) or Piecewise (11)."
+                f"flexspline = {shown(self.flexspline)} is not possible: it must be None (the drive's own law, Zhang "
+                f"(24)), Cubic (10) or Piecewise (11)."
             )
 
     def _check_caps(self) -> None:
