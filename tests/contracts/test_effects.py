@@ -139,7 +139,9 @@ def test_what_is_no_number_is_refused_by_name_unit_range_and_equation(effect, va
             ActiveEffect(effect, (*values[:place], value, *values[place + 1 :]))
         told = str(refused.value)
         assert told.startswith(f"{effect.id}: {parameter.name} = {shown(value)} ")
-        assert f"{parameter.low:g} to {parameter.high:g} {parameter.unit}; {effect.equation} needs it." in told
+        unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+        range_ = f"at least {parameter.low:.6g} and at most {parameter.high:.6g}{unit}"
+        assert told.endswith(f"{range_}; {effect.equation} needs it.")
 
 
 def test_values_may_be_a_list_or_an_array():

@@ -87,7 +87,10 @@ def test_a_motor_that_cannot_be_is_refused():
         (["12"], r"rows\[0\] = '12' is not possible"),
         ([(10**400, 58.0)], r"rows\[0\] voltage = about 1e\+400 V is not possible"),
         ([(math.nan, 58.0)], r"rows\[0\] voltage = nan V"),
-        ([("12", 58.0)], r"rows\[0\] voltage = '12' is no number: it must be one from 0\.001 to 1e\+06 V"),
+        (
+            [("12", 58.0)],
+            r"rows\[0\] voltage = '12' is no number: it must be one, at least 0\.001 and at most 1e\+06 V",
+        ),
     ],
 )
 def test_a_row_that_no_motor_has_is_named_with_its_place(rows, words):
