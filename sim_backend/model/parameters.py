@@ -205,23 +205,13 @@ class PlantConfig:
 
     def _check_step(self) -> None:
         """Raise ModelError if a body swings too fast on its springs, or is damped too strongly, for the step."""
-        on_motor = ("rotor_viscous_friction", "wave_generator_damping")
-        on_output = ("output_viscous_friction", "flexspline_damping", "fixture_damping")
         on_flange = self.flexspline_stiffness_cap + self.fixture_stiffness
-        self._check_body("motor", self.motor_inertia, self.wave_generator_stiffness_cap, on_motor)
-        self._check_body("output", self.output_inertia, on_flange, on_output)
+        self._check_body("motor", self.motor_inertia, self.wave_generator_stiffness_cap, _ON_MOTOR)
+        self._check_body("output", self.output_inertia, on_flange, _ON_OUTPUT)
 
     def _check_body(self, body: str, inertia: float, stiffness: float, dampers: tuple[str, ...]) -> None:
-        """Raise ModelError if the step is too long for an inertia with all that can act on it at once.
-
-        With w = h^2 K/J and z = h d/J a step h is stable up to z + w/4 = 1: a damper takes the speed extrapolated to
-        the end of the step.
-        """
-        damping = sum(getattr(self, name) for name in dampers)
-        on_springs = math.sqrt(inertia / stiffness)
-        # the root of z + w/4 = DAMPING_SHARE, in the form that takes no difference
-        rate, square = damping / inertia, stiffness / inertia
-        damped = 2.0 * DAMPING_SHARE / (rate + math.sqrt(rate**2 + square * DAMPING_SHARE))
+        """Raise ModelError if the step is too long for an inertia with all that can act on it at once."""
+        on_springs, damped = _longest_steps(inertia, stiffness, self._sum_of(dampers))
         if self.step <= min(on_springs, damped):
             return
         if on_springs <= damped:
@@ -236,6 +226,10 @@ class PlantConfig:
             f"at most {min(on_springs, damped):.4g} s; velocity Verlet needs {rule}. Use a shorter step "
             f"(loop_period must stay a whole multiple), a larger {body} inertia or {remedy}."
         )
+
+    def _sum_of(self, dampers: tuple[str, ...]) -> float:
+        """Give the damping (N*m*s/rad) of these together."""
+        return float(sum(getattr(self, name) for name in dampers))
 
     @property
     def law(self) -> Compliance:
@@ -273,9 +267,8 @@ class PlantConfig:
     @property
     def stiffness_for_step(self) -> float:
         """The largest stiffness that a flexspline may have on the output for the step, N*m/rad, beside the fixture."""
-        damping = self.output_viscous_friction + self.flexspline_damping + self.fixture_damping
-        share = min(1.0, 4.0 * (DAMPING_SHARE - self.step * damping / self.output_inertia))
-        return share * self.output_inertia / self.step**2 - self.fixture_stiffness
+        on_flange = _largest_stiffness(self.step, self.output_inertia, self._sum_of(_ON_OUTPUT))
+        return on_flange - self.fixture_stiffness
 
     @property
     def motor_inertia(self) -> float:
@@ -285,6 +278,27 @@ class PlantConfig:
 
 _PARTS = ("drive", "rotation", "flexspline")
 """What of a bench is no number."""
+
+_ON_MOTOR = ("rotor_viscous_friction", "wave_generator_damping")
+_ON_OUTPUT = ("output_viscous_friction", "flexspline_damping", "fixture_damping")
+"""Dampers that can act on a body at once."""
+
+
+def _longest_steps(inertia: float, stiffness: float, damping: float) -> tuple[float, float]:
+    """Give the longest steps (s) that an inertia (kg*m^2) allows: for its springs (N*m/rad), and for its dampers too.
+
+    With w = h^2 K/J and z = h d/J (d: N*m*s/rad) a step h is stable up to z + w/4 = 1: a damper takes
+    the speed extrapolated to the end of the step. Asked is w <= 1 and z + w/4 <= DAMPING_SHARE.
+    """
+    # the root of z + w/4 = DAMPING_SHARE, in the form that takes no difference
+    rate, square = damping / inertia, stiffness / inertia
+    damped = 2.0 * DAMPING_SHARE / (rate + math.sqrt(rate**2 + square * DAMPING_SHARE))
+    return math.sqrt(inertia / stiffness), damped
+
+
+def _largest_stiffness(step: float, inertia: float, damping: float) -> float:
+    """Give the stiffness (N*m/rad) for which `step` is the shorter of `_longest_steps`: the same rule, solved for K."""
+    return min(1.0, 4.0 * (DAMPING_SHARE - step * damping / inertia)) * inertia / step**2
 
 
 def _numbers(parameters: HarmonicDrive | Cubic | Piecewise | PlantConfig, *without: str) -> dict[str, object]:

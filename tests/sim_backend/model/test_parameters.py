@@ -247,6 +247,15 @@ def test_a_damper_too_strong_for_the_step_is_refused_with_the_body_the_damping_a
         PlantConfig(DRIVE, **{name: 60.0})
 
 
+@pytest.mark.parametrize("damping", [0.2, 15.0, 17.0, 19.0])
+def test_the_stiffness_that_the_step_can_take_is_that_up_to_which_a_bench_is_accepted(damping):
+    bench = PlantConfig(DRIVE, flexspline_damping=damping)
+    most = bench.stiffness_for_step
+    dataclasses.replace(bench, flexspline_stiffness_cap=(1.0 - 1e-9) * most)
+    with pytest.raises(ModelError, match=r"^step = 2e-05 s is too long for the output inertia"):
+        dataclasses.replace(bench, flexspline_stiffness_cap=(1.0 + 1e-9) * most)
+
+
 def test_the_rotation_may_be_given_by_its_name():
     assert PlantConfig(DRIVE, rotation="opposed").rotation == Rotation.OPPOSED
     with pytest.raises(ModelError, match="rotation = 'same'"):
