@@ -10,9 +10,9 @@ from collections.abc import Iterator, Sequence
 
 from sim_backend.errors import ModelError
 from sim_backend.model.effects import ActiveEffect
-from sim_backend.model.fast_errors import MOST_MISSED, highest_order, most_amplitude
 from sim_backend.model.parameters import PlantConfig
 from sim_backend.model.series import LEAST_COMPLIANCE
+from sim_backend.model.step_bounds import MOST_MISSED, highest_order, most_amplitude
 
 STIFFNESS_APART = 2.0
 """Factor by which the stiffness that an effect is given may differ from that of the drive's flexspline at rest."""

@@ -10,8 +10,8 @@ import pytest
 
 from sim_backend.errors import ModelError
 from sim_backend.model.effects import CATALOGUE, ActiveEffect, Effect, Enters
-from sim_backend.model.fast_errors import most_amplitude
 from sim_backend.model.parameters import Cubic, Piecewise, PlantConfig
+from sim_backend.model.step_bounds import most_amplitude
 from sim_backend.plant import Plant
 from sim_backend.ports import AxisMode
 from tests.sim_backend.test_plant import CONFIG, SILENT
