@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_backend.errors import ModelError, shown
+from sim_backend.errors import ModelError, ParameterError, shown
 from sim_backend.model.checks import is_series, require, require_all
 
 Floats = NDArray[np.float64]
@@ -114,13 +114,11 @@ def identify(motor_position: Floats, error: Floats, orders: int = ORDERS) -> Fou
 
 
 def _count_of_orders(orders: int) -> int:
-    """Give the count; raise ModelError unless it is a whole number that can be."""
+    """Give the count; raise ParameterError unless it is a whole number from 1 to `MOST_ORDERS`, ModelError for none."""
     require("orders", orders, "", "(17)", low=1.0, high=MOST_ORDERS)
     if not float(orders).is_integer():
-        raise ModelError(
-            f"orders = {shown(orders)} is not possible: it must be a whole number, at least 1 and at most "
-            f"{MOST_ORDERS:.6g}; (17) needs it."
-        )
+        rule = f"must be a whole number, at least 1 and at most {MOST_ORDERS:.6g}; (17) needs it"
+        raise ParameterError("orders", orders, "", rule)
     return int(orders)
 
 
