@@ -113,7 +113,8 @@ class PlantConfig:
     stiffness caps (at 1000 N*m/rad the torsion differs by 0.4 urad rms from equation (28); a flexspline of size 17
     reaches its cap at 65 N*m, and its gear ratchets at 160). Energy is kept at any torque, but nothing ratchets.
     `flexspline`: another law of the flexspline in place of the drive's own (24).
-    `torque_constant` (N*m/A) is the one that the motor's drive believes in; `encoder_counts` (1/rev): its encoder's.
+    `torque_constant` (N*m/A) is the one that the motor's drive believes in. `encoder_counts` (1/rev): counts of the
+    motor's encoder in a turn; the plant's own angles keep fractions of one, the simulated drive cuts them off.
     Gear housing and motor are one thermal node each between their heat and `ambient_temperature` (degC): heat capacity
     J/K, thermal resistance K/W. Friction and dampers warm the gear, the current the motor through `winding_resistance`
     (ohm; None: the one with which the rated torque warms it by 75 K in the end). With the default values, which are
