@@ -11,8 +11,9 @@ from typing import NamedTuple, NoReturn, cast
 
 import numpy as np
 
-from sim_backend.errors import ModelError, NotFiniteError
+from sim_backend.errors import ModelError, NotFiniteError, shown
 from sim_backend.model import springs, stepper
+from sim_backend.model.checks import is_series
 from sim_backend.model.compiler import has_numba
 from sim_backend.model.compliance import Compliance
 from sim_backend.model.constants import derive
@@ -185,13 +186,15 @@ class Plant:
         try:
             steps = round(time / self._step) - self._steps
         except (TypeError, ValueError, OverflowError):
-            raise ModelError(f"time = {time!r} s is not a finite number.") from None
+            if not (isinstance(time, int) or _is_finite(time)):
+                raise ModelError(f"time = {shown(time)} s is not a finite number.") from None
+            steps = _MOST_STEPS + 1 if time > 0.0 else -1  # more than a float can count
         if steps < 0:
-            raise ModelError(f"time = {time!r} s is in the past: the plant stands at {self.time!r} s.")
+            raise ModelError(f"time = {shown(time)} s is in the past: the plant stands at {self.time!r} s.")
         if self._steps + steps > _MOST_STEPS:
             raise ModelError(
-                f"time = {time!r} s is further than the plant's clock can count: from {self.time!r} s where it stands "
-                f"to {_MOST_STEPS * self._step:.6g} s, 2^53 steps of {self._step:g} s, time = steps * step."
+                f"time = {shown(time)} s is further than the plant's clock can count: from {self.time!r} s where it "
+                f"stands to {_MOST_STEPS * self._step:.6g} s, 2^53 steps of {self._step:g} s, time = steps * step."
             )
         if steps == 0:
             return
@@ -209,13 +212,13 @@ class Plant:
         """Put the state back to what it was, and give the error that says what was lost and why that may be."""
         signals = tuple(name for name, place in _WATCHED.items() if not math.isfinite(self._state_view[place]))
         self._state[:] = np.frombuffer(before)
-        shown = ", ".join(signals[:_MOST_NAMED]) or "its forces"
+        named = ", ".join(signals[:_MOST_NAMED]) or "its forces"
         if len(signals) > _MOST_NAMED:
-            shown += f" and {len(signals) - _MOST_NAMED} more"
+            named += f" and {len(signals) - _MOST_NAMED} more"
         told = "; ".join(_told(active) for active in self.effects) or "none"
         return NotFiniteError(
             f"The simulated plant cannot be computed from {self.time:.6g} to {self.time + steps * self._step:.6g} s: "
-            f"{shown} would not be finite. The likely cause is an effect, a stiffness or "
+            f"{named} would not be finite. The likely cause is an effect, a stiffness or "
             f"a damping that is too large for the plant or for its step = {self._step:g} s; its effects are: {told}. "
             f"Make them smaller, or the step shorter.",
             time=self.time,
@@ -229,9 +232,11 @@ class Plant:
         """
         mode_place, target_place, _, _ = _AXES.get(axis) or _unknown(axis)
         if mode not in _MODES:
-            raise ModelError(f"{axis}: mode = {mode!r} is unknown; a drive has {', '.join(m.name for m in AxisMode)}.")
+            raise ModelError(
+                f"{axis}: mode = {shown(mode)} is unknown; a drive has {', '.join(m.name for m in AxisMode)}."
+            )
         if not _is_finite(target):
-            raise ModelError(f"{axis}: target = {target!r} in mode {AxisMode(mode).name} is not a finite number.")
+            raise ModelError(f"{axis}: target = {shown(target)} in mode {AxisMode(mode).name} is not a finite float.")
         self._inputs_view[mode_place] = mode
         self._inputs_view[target_place] = target
 
@@ -239,7 +244,7 @@ class Plant:
         """Bound the torque (N*m, magnitude) which the drive of `axis` can produce."""
         limit_place = (_AXES.get(axis) or _unknown(axis))[2]
         if not (_is_finite(limit) and limit >= 0.0):
-            raise ModelError(f"{axis}: torque limit = {limit!r} N*m must be finite and at least 0 N*m.")
+            raise ModelError(f"{axis}: torque limit = {shown(limit)} N*m must be finite and at least 0 N*m.")
         self._inputs[limit_place] = limit
 
     def torque_limited(self, axis: str) -> bool:
@@ -253,7 +258,7 @@ class Plant:
     def set_lock(self, locked: bool) -> None:
         """Clamp the output to the fixture where it stands, or let it go."""
         if not isinstance(locked, bool | np.bool_):
-            raise ModelError(f"locked = {locked!r} must be True (the fixture holds the output) or False.")
+            raise ModelError(f"locked = {shown(locked)} must be True (the fixture holds the output) or False.")
         if locked == self.locked:
             return
         before = self._stored_energy()  # of it, what a fixture that opens held is lost
@@ -367,21 +372,21 @@ class Plant:
         return 0.5 * self.config.fixture_stiffness * stretch**2
 
 
-def _check_parts(config: object, effects: object) -> None:
+def _check_parts(config: PlantConfig, effects: Sequence[ActiveEffect]) -> None:
     """Raise ModelError unless a plant can be made of these, whatever they say."""
     if not isinstance(config, PlantConfig):
-        raise ModelError(f"config = {config!r} is not possible: a plant needs a PlantConfig.")
-    if not isinstance(effects, Sequence):
-        raise ModelError(f"effects = {effects!r} are not possible: they must be a sequence of ActiveEffect.")
+        raise ModelError(f"config = {shown(config)} is not possible: a plant needs a PlantConfig.")
+    if not is_series(effects):
+        raise ModelError(f"effects = {shown(effects)} are not possible: they must be a sequence of ActiveEffect.")
     for number, active in enumerate(effects):
         if not isinstance(active, ActiveEffect):
-            raise ModelError(f"effects[{number}] = {active!r} is not possible: it must be an ActiveEffect.")
+            raise ModelError(f"effects[{number}] = {shown(active)} is not possible: it must be an ActiveEffect.")
 
 
 def _check_seed(seed: object) -> None:
     """Raise ModelError unless the noise can be drawn from it."""
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise ModelError(f"seed = {seed!r} must be a whole number of at least 0; the instruments' noise needs it.")
+        raise ModelError(f"seed = {shown(seed)} must be a whole number of at least 0; the instruments' noise needs it.")
 
 
 def _is_finite(value: float) -> bool:
@@ -400,4 +405,4 @@ def _told(active: ActiveEffect) -> str:
 
 
 def _unknown(axis: str) -> NoReturn:
-    raise ModelError(f"axis = {axis!r} is unknown; the plant has {', '.join(_AXES)}.")
+    raise ModelError(f"axis = {shown(axis)} is unknown; the plant has {', '.join(_AXES)}.")

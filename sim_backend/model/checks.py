@@ -4,10 +4,10 @@ import math
 import sys
 from collections.abc import Sequence
 from numbers import Real
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
 from sim_backend.errors import ModelError, ParameterError, shown
 
@@ -23,8 +23,10 @@ def number_of(value: object) -> float | None:
 
 
 def is_series(values: object) -> bool:
-    """Tell whether these are several values, such as a tuple or a list, and no text."""
-    return isinstance(values, Sequence) and not isinstance(values, str)
+    """Tell whether these are several values, such as a tuple, a list or a numpy array, and no text or bytes."""
+    if isinstance(values, str | bytes | bytearray | memoryview):
+        return False
+    return isinstance(values, Sequence) or getattr(values, "ndim", 0) > 0
 
 
 def require(
@@ -73,29 +75,20 @@ def require_all(
     """Raise ModelError as `require` for the first of `values` that is not possible, with its place if any."""
     import numpy as np  # heavy, and single numbers do without it
 
-    array = _array(name, values, unit, equation)
-    if array.dtype.kind in "fiu":
-        wrong = ~(np.isfinite(array) & (array >= low) & (array > above) & (array <= high))
-        places = np.argwhere(wrong)[:1].tolist()
-        array = array.astype(np.float64)
-    else:  # among them something that is no number, or an integer too large for an array
-        array = np.array(values, dtype=np.object_)
-        places = np.argwhere(np.ones(array.shape, dtype=np.bool_)).tolist()
-    for place in places:
-        at = f"[{', '.join(map(str, place))}]" if place else ""
-        value = array[tuple(place)]
-        one = float(value) if array.dtype.kind == "f" else value
-        require(f"{name}{at}", one, unit, equation, low=low, above=above, high=high)
-
-
-def _array(name: str, values: "ArrayLike", unit: str, equation: str) -> "NDArray[Any]":
-    import numpy as np
-
     try:
-        return np.asarray(values)
+        array = np.asarray(values)
+        if array.dtype.kind in "fiu":
+            array = array.astype(np.float64)
+            wrong = ~(np.isfinite(array) & (array >= low) & (array > above) & (array <= high))
+        else:  # among them something that is no number, or an integer too large for an array: each as it was given
+            array = np.array(values, dtype=np.object_)
+            wrong = np.ones(array.shape, dtype=np.bool_)
     except ValueError:
         what = f"{name} = {shown(values)} is no series of numbers: it must be rows of one length"
         raise ModelError(f"{what}, {unit}".rstrip(", ") + f"; {equation} needs it.") from None
+    for place in np.argwhere(wrong).tolist():
+        at = f"[{', '.join(map(str, place))}]" if place else ""
+        require(f"{name}{at}", array.item(*place), unit, equation, low=low, above=above, high=high)
 
 
 def _listed(words: list[str]) -> str:

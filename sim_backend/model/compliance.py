@@ -106,7 +106,7 @@ def cubic_torsion(torque: Floats, a1: float, a3: float) -> Floats:
     check_cubic(a1, a3)
     if a3 == 0.0:
         return torque / a1
-    size = math.sqrt(a1) / math.sqrt(3.0 * a3)  # the quotient itself would be infinite for the smallest a3
+    size = math.sqrt(a1) / math.sqrt(3.0 * a3)  # a1/(3 a3) itself overflows for the smallest a3
     return 2.0 * size * np.sinh(np.arcsinh(1.5 * torque / (a1 * size)) / 3.0)
 
 

@@ -12,13 +12,14 @@ class Constants(NamedTuple):
 
     A settling is the part of the way to its final temperature that a thermal node goes in one tick of the drive loops.
     a1, a3: of the cubic law (10); K1 to torsion_2: of the piecewise linear law (11) with the torsions at T1 and T2; 0
-    where the flexspline has another law.
+    where the flexspline has another law. flexspline_stiffening: largest d(ln K)/dT of the law it follows.
     """
 
     step: float
     ratio: float
     K_F0: float
     C_F: float
+    flexspline_stiffening: float
     flexspline_knee: float
     flexspline_knee_torque: float
     flexspline_cap: float
@@ -99,6 +100,7 @@ def derive(config: PlantConfig) -> Constants:
         ratio=drive.ratio,
         K_F0=drive.K_F0,
         C_F=drive.C_F,
+        flexspline_stiffening=flexspline.stiffening,
         flexspline_knee=flexspline.knee,
         flexspline_knee_torque=flexspline.knee_torque,
         flexspline_cap=config.flexspline_stiffness_cap,
@@ -153,11 +155,15 @@ def derive(config: PlantConfig) -> Constants:
 
 
 class _Flexspline(NamedTuple):
-    """What the chosen law needs. `curvature`: largest error of a linear step, N*m per (N*m)^2 of its residual."""
+    """What the chosen law needs. `curvature`: largest error of a linear step, N*m per (N*m)^2 of its residual.
+
+    `stiffening`: 1/(N*m), largest d(ln K)/dT of its stiffness K over its torque T.
+    """
 
     knee: float
     knee_torque: float
     curvature: float
+    stiffening: float
     a1: float = 0.0
     a3: float = 0.0
     K1: float = 0.0
@@ -175,17 +181,22 @@ def _flexspline(config: PlantConfig) -> _Flexspline:
         case None:
             slope = math.sqrt(cap / drive.K_F0 - 1.0)
             knee_torque = slope / drive.C_F
-            return _Flexspline(math.atan(slope) / (drive.C_F * drive.K_F0), knee_torque, drive.C_F**2 * knee_torque)
+            curvature = drive.C_F**2 * knee_torque
+            # 2 C_F^2 T / (1 + (C_F T)^2) is largest at T = 1/C_F
+            return _Flexspline(math.atan(slope) / (drive.C_F * drive.K_F0), knee_torque, curvature, drive.C_F)
         case Cubic(a1, a3):
             knee = math.sqrt((cap - a1) / (3.0 * a3)) if a3 > 0.0 else math.inf
-            # 3 a3 f / (a1 + 3 a3 f^2)^2 is largest at f = sqrt(a1 / (9 a3))
+            knee_torque = knee * (a1 + a3 * knee**2) if a3 > 0.0 else math.inf
+            # 3 a3 f / (a1 + 3 a3 f^2)^2 is largest at f = sqrt(a1 / (9 a3)), and d(ln K)/dT is twice that
             curvature = 9.0 / 16.0 * math.sqrt(a3 / a1**3)
-            return _Flexspline(knee, knee * (a1 + a3 * knee**2) if a3 > 0.0 else math.inf, curvature, a1, a3)
+            return _Flexspline(knee, knee_torque, curvature, 2.0 * curvature, a1, a3)
         case Piecewise(K1, K2, K3, T1, T2):
             first = T1 / K1
             second = first + (T2 - T1) / K2
+            # K jumps at T1 and T2, where d(ln K)/dT has no bound: the jump is taken as spread over T1
+            stiffening = max(abs(K2 / K1 - 1.0), abs(K3 / K2 - 1.0)) / T1
             return _Flexspline(
-                math.inf, math.inf, 0.0, K1=K1, K2=K2, K3=K3, T1=T1, T2=T2, torsion_1=first, torsion_2=second
+                math.inf, math.inf, 0.0, stiffening, 0.0, 0.0, K1, K2, K3, T1, T2, torsion_1=first, torsion_2=second
             )
 
 

@@ -39,7 +39,7 @@ LIMITS: Mapping[str, Limit] = {
 }
 """A motor, and what it is asked for: either direction, and a drag that brakes."""
 
-ROW_VOLTAGE, ROW_SPEED = Limit("V", 1e-3, 1e6, _TABLE), Limit("rad/s", 1e-3, 1e6, _TABLE)
+ROW: Mapping[str, Limit] = {"voltage": Limit("V", 1e-3, 1e6, _TABLE), "speed": Limit("rad/s", 1e-3, 1e6, _TABLE)}
 """A row of a table: the direction in which both are positive. Its slope is a constant within its limits."""
 
 
@@ -95,22 +95,18 @@ def motor_from_speeds(
             f"{slope**2 / 4.0 / resistance:.3g} N*m*s/rad leave a motor that turns 1 rad/s per {slope:.4g} V; "
             f"k^2 - slope k + R drag = 0 needs it."
         )
-    return DcMotor(resistance, inductance, 0.5 * (slope + math.sqrt(rest)))
+    return DcMotor(resistance, inductance, 0.5 * (float(slope) + math.sqrt(rest)))
 
 
 def _require_rows(rows: Sequence[tuple[float, float]]) -> None:
-    pair = (
-        f"pair of a voltage ({ROW_VOLTAGE.low:g} to {ROW_VOLTAGE.high:g} V) and a speed "
-        f"({ROW_SPEED.low:g} to {ROW_SPEED.high:g} rad/s); {_TABLE} needs it."
-    )
+    parts = (f"a {name} ({limit.low:g} to {limit.high:g} {limit.unit})" for name, limit in ROW.items())
+    pair = f"pair of {' and '.join(parts)}; {_TABLE} needs it."
     if not is_series(rows):
         raise ModelError(f"rows = {shown(rows)} is not possible: it must be a sequence with at least one {pair}")
-    if not rows:
+    if len(rows) == 0:
         raise ModelError(f"rows is empty: it must have at least one {pair}")
     for place, row in enumerate(rows):
-        if not is_series(row) or len(row) != len(("voltage", "speed")):
+        if not is_series(row) or len(row) != len(ROW):
             raise ModelError(f"rows[{place}] = {shown(row)} is not possible: it must be a {pair}")
-        voltage, speed = row
-        names = f"rows[{place}] voltage", f"rows[{place}] speed"
-        limits = dict(zip(names, (ROW_VOLTAGE, ROW_SPEED), strict=True))
-        require_within(limits, dict(zip(names, (voltage, speed), strict=True)))
+        names = [f"rows[{place}] {name}" for name in ROW]
+        require_within(dict(zip(names, ROW.values(), strict=True)), dict(zip(names, row, strict=True)))

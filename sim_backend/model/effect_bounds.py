@@ -10,15 +10,12 @@ from collections.abc import Iterator, Sequence
 
 from sim_backend.errors import ModelError
 from sim_backend.model.effects import ActiveEffect
-from sim_backend.model.fast_errors import MOST_MISSED, highest_order, most_amplitude
 from sim_backend.model.parameters import PlantConfig
+from sim_backend.model.series import LEAST_COMPLIANCE
+from sim_backend.model.step_bounds import MOST_MISSED, highest_order, most_amplitude
 
 STIFFNESS_APART = 2.0
 """Factor by which the stiffness that an effect is given may differ from that of the drive's flexspline at rest."""
-
-LEAST_COMPLIANCE = 0.1
-"""Part of the compliance at the flexspline's largest stiffness that effects must leave: the solution of what lies in
-series with the flexspline counts on it."""
 
 MOST_CONSTANT_ERROR = 0.5
 """Largest sum of errors of the torque constant. The drive reads with the torque of the tick before, so that its torque

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_backend.errors import ModelError, shown
+from sim_backend.errors import ModelError, ParameterError, shown
 from sim_backend.model.checks import is_series, require, require_all
 
 Floats = NDArray[np.float64]
@@ -56,6 +56,8 @@ class FourierError:
         names = ("a_0", *(f"a_{n}" for n in orders), *(f"b_{n}" for n in orders))
         for name, value in zip(names, self.coefficients, strict=True):
             require(name, value, "rad", "(17)", low=-LARGEST, high=LARGEST)
+        object.__setattr__(self, "a", tuple(map(float, self.a)))  # also of a list or an array
+        object.__setattr__(self, "b", tuple(map(float, self.b)))
 
     @property
     def coefficients(self) -> tuple[float, ...]:
@@ -91,7 +93,7 @@ def identify(motor_position: Floats, error: Floats, orders: int = ORDERS) -> Fou
     """
     require_all("motor_position", motor_position, "rad", "(18), (19)", low=-FURTHEST, high=FURTHEST)
     require_all("error", error, "rad", "(18), (19)", low=-LARGEST_ERROR, high=LARGEST_ERROR)
-    orders = _whole("orders", orders)
+    orders = _count_of_orders(orders)
     angle, value = np.asarray(motor_position, dtype=np.float64), np.asarray(error, dtype=np.float64)
     if angle.ndim != 1 or angle.shape != value.shape:
         raise ModelError(f"motor_position {angle.shape} and error {value.shape} must be two series of one length.")
@@ -111,12 +113,13 @@ def identify(motor_position: Floats, error: Floats, orders: int = ORDERS) -> Fou
     return FourierError(float(np.sum(weighted)), tuple(a.tolist()), tuple(b.tolist()))
 
 
-def _whole(name: str, value: int) -> int:
-    """Give a count of orders; raise ModelError unless it is a whole number that can be."""
-    require(name, value, "", "(17)", low=1.0, high=MOST_ORDERS)
-    if not float(value).is_integer():
-        raise ModelError(f"{name} = {shown(value)} must be a whole number from 1 to {MOST_ORDERS}; (17) needs it.")
-    return int(value)
+def _count_of_orders(orders: int) -> int:
+    """Give the count; raise ParameterError unless it is a whole number from 1 to `MOST_ORDERS`, ModelError for none."""
+    require("orders", orders, "", "(17)", low=1.0, high=MOST_ORDERS)
+    if not float(orders).is_integer():
+        rule = f"must be a whole number, at least 1 and at most {MOST_ORDERS:.6g}; (17) needs it"
+        raise ParameterError("orders", orders, "", rule)
+    return int(orders)
 
 
 def whole_turns(angle: Floats, value: Floats) -> tuple[Floats, Floats, int]:

@@ -19,6 +19,9 @@ from sim_backend.model.limits import RATIO
 LARGEST = 1e100
 """rad, rad/s or N*m of a member that is given: beyond any, and with every ratio the others and the power are finite."""
 
+LARGEST_DERIVED = 3.0 * RATIO.high * LARGEST
+"""rad, rad/s or N*m of a member that follows from others: (1) gives up to (2N + 1) times as much, at most 3N."""
+
 
 class Member(StrEnum):
     """The three members of the drive."""
@@ -91,8 +94,6 @@ def speed_ratio(ratio: float, held: Member) -> float:
     `ratio` outside `limits.RATIO`.
     """
     N = _ratio(ratio)
-    if held not in tuple(Member):
-        raise ModelError(f"held = {shown(held)} is no member of the drive: it must be one of {', '.join(Member)}.")
     match held:
         case Member.CIRCULAR_SPLINE:
             return -N
@@ -100,12 +101,14 @@ def speed_ratio(ratio: float, held: Member) -> float:
             return N + 1.0
         case Member.WAVE_GENERATOR:
             return (N + 1.0) / N
+        case _:
+            raise ModelError(f"held = {shown(held)} is no member of the drive: it must be one of {', '.join(Member)}.")
 
 
 def power_surplus(torque: Members, speed: Members) -> float:
     """Give T_w omega_w - T_c omega_c - T_F omega_F, W: zero for torques after (3) and speeds after (2).
 
-    Raises ModelError for anything but numbers within +-`LARGEST` times the largest ratio.
+    Raises ModelError for anything but numbers within +-`LARGEST_DERIVED`.
     """
     _require_members("torque", torque, "N*m")
     _require_members("speed", speed, "rad/s")
@@ -143,6 +146,5 @@ def _require_members(name: str, members: Members, unit: str) -> None:
     if not isinstance(members, Members):
         wanted = f"Members with a number ({unit}) for each of {', '.join(Members._fields)}"
         raise ModelError(f"{name} = {shown(members)} is not possible: it must be {wanted}; equation (3) needs it.")
-    largest = 3.0 * RATIO.high * LARGEST
     for member, value in zip(Members._fields, members, strict=True):
-        require(f"{name}.{member}", value, unit, "equation (3)", low=-largest, high=largest)
+        require(f"{name}.{member}", value, unit, "equation (3)", low=-LARGEST_DERIVED, high=LARGEST_DERIVED)

@@ -6,7 +6,6 @@ Far wider than any drive or bench, and narrow enough that no formula of the plan
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from sim_backend.errors import ModelError, shown
 from sim_backend.model.checks import number_of, require
 
 
@@ -109,18 +108,11 @@ def require_within(limits: Mapping[str, Limit], values: Mapping[str, object]) ->
     """Raise ModelError unless every value is a number within the limit of its name."""
     for name, value in values.items():
         unit, low, high, equation = limits[name]
-        _require_number(name, value, limits[name])
         require(name, value, unit, equation, low=low, high=high)
 
 
 def require_numbers(limits: Mapping[str, Limit], values: Mapping[str, object]) -> None:
     """Raise ModelError unless every value is a number, whatever its size."""
     for name, value in values.items():
-        _require_number(name, value, limits[name])
-
-
-def _require_number(name: str, value: object, limit: Limit) -> None:
-    if number_of(value) is not None:
-        return
-    bounds = f"{limit.low:g} to {limit.high:g} {limit.unit}".rstrip()
-    raise ModelError(f"{name} = {shown(value)} is no number: it must be one from {bounds}; {limit.equation} needs it.")
+        if number_of(value) is None:
+            require_within(limits, {name: value})

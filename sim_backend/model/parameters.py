@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 from enum import StrEnum
 from typing import Self
 
-from sim_backend.errors import ModelError
+from sim_backend.errors import ModelError, shown
 from sim_backend.model import limits
 from sim_backend.model.checks import require
 from sim_backend.model.compliance import Compliance
@@ -113,7 +113,8 @@ class PlantConfig:
     stiffness caps (at 1000 N*m/rad the torsion differs by 0.4 urad rms from equation (28); a flexspline of size 17
     reaches its cap at 65 N*m, and its gear ratchets at 160). Energy is kept at any torque, but nothing ratchets.
     `flexspline`: another law of the flexspline in place of the drive's own (24).
-    `torque_constant` (N*m/A) is the one that the motor's drive believes in; `encoder_counts` (1/rev): its encoder's.
+    `torque_constant` (N*m/A) is the one that the motor's drive believes in. `encoder_counts` (1/rev): counts of the
+    motor's encoder in a turn; the plant's own angles keep fractions of one, the simulated drive cuts them off.
     Gear housing and motor are one thermal node each between their heat and `ambient_temperature` (degC): heat capacity
     J/K, thermal resistance K/W. Friction and dampers warm the gear, the current the motor through `winding_resistance`
     (ohm; None: the one with which the rated torque warms it by 75 K in the end). With the default values, which are
@@ -164,7 +165,7 @@ class PlantConfig:
     def __post_init__(self) -> None:
         if self.rotation != Rotation.OPPOSED:
             raise ModelError(
-                f"rotation = {str(self.rotation)!r}: the simulated bench turns its output against the motor only. "
+                f"rotation = {shown(self.rotation)}: the simulated bench turns its output against the motor only. "
                 f"Use 'opposed', or mirror the motor's signals before they reach the model."
             )
         self._check_parts()
@@ -182,11 +183,11 @@ class PlantConfig:
     def _check_parts(self) -> None:
         """Raise ModelError if drive or flexspline is something else."""
         if not isinstance(self.drive, HarmonicDrive):
-            raise ModelError(f"drive = {self.drive!r} is not possible: a bench needs a HarmonicDrive.")
+            raise ModelError(f"drive = {shown(self.drive)} is not possible: a bench needs a HarmonicDrive.")
         if not isinstance(self.flexspline, Cubic | Piecewise | None):
             raise ModelError(
-                f"flexspline = {self.flexspline!r} is not possible: it must be None (the drive's own law, Zhang (24)), "
-                f"Cubic (10) or Piecewise (11)."
+                f"flexspline = {shown(self.flexspline)} is not possible: it must be None (the drive's own law, Zhang "
+                f"(24)), Cubic (10) or Piecewise (11)."
             )
 
     def _check_caps(self) -> None:
@@ -205,23 +206,13 @@ class PlantConfig:
 
     def _check_step(self) -> None:
         """Raise ModelError if a body swings too fast on its springs, or is damped too strongly, for the step."""
-        on_motor = ("rotor_viscous_friction", "wave_generator_damping")
-        on_output = ("output_viscous_friction", "flexspline_damping", "fixture_damping")
         on_flange = self.flexspline_stiffness_cap + self.fixture_stiffness
-        self._check_body("motor", self.motor_inertia, self.wave_generator_stiffness_cap, on_motor)
-        self._check_body("output", self.output_inertia, on_flange, on_output)
+        self._check_body("motor", self.motor_inertia, self.wave_generator_stiffness_cap, _ON_MOTOR)
+        self._check_body("output", self.output_inertia, on_flange, _ON_OUTPUT)
 
     def _check_body(self, body: str, inertia: float, stiffness: float, dampers: tuple[str, ...]) -> None:
-        """Raise ModelError if the step is too long for an inertia with all that can act on it at once.
-
-        With w = h^2 K/J and z = h d/J a step h is stable up to z + w/4 = 1: a damper takes the speed extrapolated to
-        the end of the step.
-        """
-        damping = sum(getattr(self, name) for name in dampers)
-        on_springs = math.sqrt(inertia / stiffness)
-        # the root of z + w/4 = DAMPING_SHARE, in the form that takes no difference
-        rate, square = damping / inertia, stiffness / inertia
-        damped = 2.0 * DAMPING_SHARE / (rate + math.sqrt(rate**2 + square * DAMPING_SHARE))
+        """Raise ModelError if the step is too long for an inertia with all that can act on it at once."""
+        on_springs, damped = _longest_steps(inertia, stiffness, self._sum_of(dampers))
         if self.step <= min(on_springs, damped):
             return
         if on_springs <= damped:
@@ -236,6 +227,10 @@ class PlantConfig:
             f"at most {min(on_springs, damped):.4g} s; velocity Verlet needs {rule}. Use a shorter step "
             f"(loop_period must stay a whole multiple), a larger {body} inertia or {remedy}."
         )
+
+    def _sum_of(self, dampers: tuple[str, ...]) -> float:
+        """Give the damping (N*m*s/rad) of these together."""
+        return float(sum(getattr(self, name) for name in dampers))
 
     @property
     def law(self) -> Compliance:
@@ -273,9 +268,8 @@ class PlantConfig:
     @property
     def stiffness_for_step(self) -> float:
         """The largest stiffness that a flexspline may have on the output for the step, N*m/rad, beside the fixture."""
-        damping = self.output_viscous_friction + self.flexspline_damping + self.fixture_damping
-        share = min(1.0, 4.0 * (DAMPING_SHARE - self.step * damping / self.output_inertia))
-        return share * self.output_inertia / self.step**2 - self.fixture_stiffness
+        on_flange = _largest_stiffness(self.step, self.output_inertia, self._sum_of(_ON_OUTPUT))
+        return on_flange - self.fixture_stiffness
 
     @property
     def motor_inertia(self) -> float:
@@ -285,6 +279,27 @@ class PlantConfig:
 
 _PARTS = ("drive", "rotation", "flexspline")
 """What of a bench is no number."""
+
+_ON_MOTOR = ("rotor_viscous_friction", "wave_generator_damping")
+_ON_OUTPUT = ("output_viscous_friction", "flexspline_damping", "fixture_damping")
+"""Dampers that can act on a body at once."""
+
+
+def _longest_steps(inertia: float, stiffness: float, damping: float) -> tuple[float, float]:
+    """Give the longest steps (s) that an inertia (kg*m^2) allows: for its springs (N*m/rad), and for its dampers too.
+
+    With w = h^2 K/J and z = h d/J (d: N*m*s/rad) a step h is stable up to z + w/4 = 1: a damper takes
+    the speed extrapolated to the end of the step. Asked is w <= 1 and z + w/4 <= DAMPING_SHARE.
+    """
+    # the root of z + w/4 = DAMPING_SHARE, in the form that takes no difference
+    rate, square = damping / inertia, stiffness / inertia
+    damped = 2.0 * DAMPING_SHARE / (rate + math.sqrt(rate**2 + square * DAMPING_SHARE))
+    return math.sqrt(inertia / stiffness), damped
+
+
+def _largest_stiffness(step: float, inertia: float, damping: float) -> float:
+    """Give the stiffness (N*m/rad) for which `step` is the shorter of `_longest_steps`: the same rule, solved for K."""
+    return min(1.0, 4.0 * (DAMPING_SHARE - step * damping / inertia)) * inertia / step**2
 
 
 def _numbers(parameters: HarmonicDrive | Cubic | Piecewise | PlantConfig, *without: str) -> dict[str, object]:

@@ -24,6 +24,10 @@ COARSE = 1e-4
 
 TRIALS = 60
 
+LEAST_COMPLIANCE = 0.1
+"""Part of the flexspline's own compliance that it must have together with the effects in series: a trial takes no less,
+and at the flexspline's largest stiffness the bounds of effects (`effect_bounds`) see to it."""
+
 
 class Series(NamedTuple):
     """The flexspline's own torsion (rad), the torque in its spring (N*m), and the angle of the effects in series (rad).
@@ -53,7 +57,7 @@ def wind(
         if trial > 0 and abs(T - last_T) > 1e-3 * ACCURACY:
             compliance = (angle - last_angle) / (T - last_T)
         last_T, last_angle = T, angle
-        stiffness = K / max(1.0 + compliance * K, 0.1)
+        stiffness = K / max(1.0 + compliance * K, LEAST_COMPLIANCE)
         residual = torsion + angle - windup
         correction = residual * stiffness
         if abs(correction) <= accuracy:

@@ -102,8 +102,14 @@ from sim_backend.model.springs import flexspline_energy, wave_generator_energy
     EFFECT_WORK,
     STATE_SIZE,
 ) = range(55)
-"""Places in the state array; the effects' memory follows. SHOWN_TORQUE is what the motor's drive believes in.
+"""Places in the state array, SI, each at its own shaft; the effects' memory follows.
 
+STEPS: since the start. SLIP: travel (rad) of the rim in the last step. SHOWN_TORQUE (N*m): what the motor's drive
+believes in. T_F_BEFORE (N*m): T_F a step ago. Names with FORCE, EFFECTS and DAMPER: torques (N*m). ERROR (rad): what
+effects add to the torsion whatever the torque; ERROR_OPEN (rad): that of those with memory. SERIES_: a `series.Series`.
+PULL (N*m): how open errors and series drive the motor. LOOP_WAIT: steps to the next tick of the drive loops. LIMITED: 1
+once a torque limit acted. HEAT_BEFORE (J): DISSIPATED at the last tick. OWED (J): what springs stored beyond the work
+done on them in steep steps, not yet paid by the bodies.
 The last three are the energy account, J: work of both drives, heat, work on effects.
 """
 
@@ -118,30 +124,42 @@ The last three are the energy account, J: work of both drives, heat, work on eff
     LOCK_POSITION,
     INPUT_SIZE,
 ) = range(9)
-"""Places in the array of inputs."""
+"""Places in the array of inputs. Targets are N*m, rad/s or rad by their mode (`drive_loop`), limits N*m.
+
+LOCKED: 1 while the fixture holds the output, at LOCK_POSITION (rad), else 0.
+"""
 
 
 STEEP = 1500.0
-"""1/s: rate of a spring's torque, times C_w or C_F, beyond which it bends too much within a step."""
+"""1/s: rate of a spring's torque, times its largest d(ln K)/dT, beyond which it bends too much within a step.
+
+That is C_w of the wave generator, and of the flexspline what its own law has (`Constants.flexspline_stiffening`).
+"""
 
 PAYABLE = 0.5
-"""Part of the kinetic energy that may be paid at once; what is owed beyond it waits until the bodies are faster."""
+"""1; part of the kinetic energy that may be paid at once; what is owed beyond it waits until the bodies are faster."""
 
 
 def brake(velocity: float, loss: float) -> float:
-    """Take `loss` off the speed without reversing it."""
+    """Take `loss` (rad/s, at least 0) off the `velocity` (rad/s) without reversing it."""
     if loss == 0.0:
         return velocity
     return math.copysign(max(abs(velocity) - loss, 0.0), velocity)
 
 
 def missed(stored: float, travel: float, first: float, last: float) -> float:
-    """Give the energy (J) that a spring `stored` beyond the work of its `first` and `last` torque over its `travel`."""
+    """Give the energy (J) that a spring stored beyond the work of its torques at both ends over its travel.
+
+    stored: J; travel: rad; first, last: N*m.
+    """
     return stored - 0.5 * (first + last) * travel
 
 
-def paying(owed: float, motor_velocity: float, output_velocity: float, c: Constants) -> float:
-    """Give the factor on both speeds (rad/s) that takes the `owed` energy (J) out of the bodies; 1 if they cannot."""
+def speed_factor(owed: float, motor_velocity: float, output_velocity: float, c: Constants) -> float:
+    """Give the factor (1) on both speeds (rad/s) that takes the `owed` energy (J) out of the bodies; 1 if they cannot.
+
+    They can while it is less than PAYABLE of what they have; what is owed to them, below 0, makes them faster.
+    """
     kinetic = 0.5 * (
         c.motor_inertia * motor_velocity * motor_velocity + c.output_inertia * output_velocity * output_velocity
     )
@@ -160,7 +178,10 @@ def signals_at(
     s: NDArray[np.float64],
     c: Constants,
 ) -> Signals:
-    """Give the signals that effects take; the current is the one that the motor's drive believes in."""
+    """Give the signals that effects take, SI; the current (A) is the one that the motor's drive believes in.
+
+    time: s; positions: rad, velocities: rad/s, torques: N*m, each at its own shaft; locked: 1 or 0.
+    """
     return Signals(
         time,
         motor_position,
@@ -186,8 +207,8 @@ def friction_level(
 ) -> float:
     """Give the level of dry friction at the rim, N*m at the output.
 
-    `slip` (rad in the last step): while the rim slides, effects may take as much of the viscous friction as there is,
-    but dry and viscous friction together never drive.
+    flexspline_torque: N*m. slip: rad in the last step; while the rim slides, effects may take as much of the viscous
+    friction as there is, but dry and viscous friction together never drive.
     """
     if not FRICTION:
         return c.friction_torque
@@ -203,7 +224,10 @@ def read_errors(
     s: NDArray[np.float64],
     effect_parameters: NDArray[np.float64],
 ) -> None:
-    """Put the errors of the readings at the end of a tick into the state; a speed's is the change of its angle's."""
+    """Put the errors of the readings at the end of a tick into the state; a speed's is the change of its angle's.
+
+    output_torque: N*m; flexspline_torsion: rad; period: s between ticks.
+    """
     motor_angle, motor_torque, output_angle, output_torque_error = reading_errors(
         now, output_torque, flexspline_torsion, period, s, effect_parameters
     )
@@ -214,7 +238,10 @@ def read_errors(
 
 
 def warm_up(current: float, dissipated: float, s: NDArray[np.float64], c: Constants) -> None:
-    """Bring the temperatures up to date: the heat since the last tick warms the gear, the current the motor."""
+    """Bring the temperatures (degC) up to date: the heat since the last tick warms the gear, the current the motor.
+
+    current: A; dissipated: J since the start.
+    """
     friction_power = (dissipated - s[HEAT_BEFORE]) / c.loop_period
     s[HEAT_BEFORE] = dissipated
     gear_end = c.ambient_temperature + c.gear_thermal_resistance * friction_power
@@ -253,6 +280,7 @@ def advance(
     h = c.step
     half_m, half_o = 0.5 * h / c.motor_inertia, 0.5 * h / c.output_inertia
     rotor_loss = half_m * c.rotor_friction
+    steep = STEEP * h
 
     for i in range(steps):
         if wait <= 0.0:
@@ -312,7 +340,7 @@ def advance(
         if COUPLED:
             gap = coupling_angle(elastic, effect_parameters, c)
         last_wound, wound = wound, theta_m + c.ratio * rim + gap
-        if abs(elastic - last_elastic) * c.C_w > STEEP * h or abs(T_F - last_T_F) * c.C_F > STEEP * h:
+        if abs(elastic - last_elastic) * c.C_w > steep or abs(T_F - last_T_F) * c.flexspline_stiffening > steep:
             stored = flexspline_energy(torsion, c) - flexspline_energy(last_torsion, c)
             owed += missed(stored, torsion - last_torsion, last_T_F - last_damper_F, T_F - damper_F)
             stored = wave_generator_energy(wound, c) - wave_generator_energy(last_wound, c)
@@ -361,9 +389,9 @@ def advance(
             + c.rotor_friction * h * abs(last_m + omega_m)
         )
         if owed != 0.0:
-            share = paying(owed, omega_m, omega_o, c)
-            if share != 1.0:
-                omega_m, omega_o, owed = share * omega_m, share * omega_o, 0.0
+            factor = speed_factor(owed, omega_m, omega_o, c)
+            if factor != 1.0:
+                omega_m, omega_o, owed = factor * omega_m, factor * omega_o, 0.0
         if READINGS and wait <= 0.0:
             now = signals_at(time, theta_m, omega_m, motor_torque, shown_torque, theta_o, omega_o, locked, s, c)
             read_errors(now, output_torque, torsion, c.loop_period, s, effect_parameters)

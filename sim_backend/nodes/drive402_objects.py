@@ -36,9 +36,9 @@ class VelocityUnit(StrEnum):
 class DriveConfig:
     """One drive on one shaft. SI: N*m, N*m/A, rad/s, rad/s^2, rad, s.
 
-    `axis` is the plant's name of the shaft. `max_torque` is what 0x6072 says at power-on, `max_speed` 0x6080.
-    `following_window` and `following_time` start 0x6065 and 0x6066. A mode in `refuse_modes` is refused although
-    0x6502 may list it: by an abort, or silently where `refuse_by_silence`.
+    `axis` is the plant's name of the shaft, `encoder_counts` (1/rev) are those of a turn of it. `max_torque` is what
+    0x6072 says at power-on, `max_speed` 0x6080. `following_window` and `following_time` start 0x6065 and 0x6066. A mode
+    in `refuse_modes` is refused although 0x6502 may list it: by an abort, or silently where `refuse_by_silence`.
     """
 
     node_id: int = 1

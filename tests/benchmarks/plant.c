@@ -690,7 +690,7 @@ static void warm_up(struct state *s, double current, const struct constants *c) 
     s->winding_temperature += c->motor_settling * (winding_end - s->winding_temperature);
 }
 
-#define STEEP 1500.0 /* 1/s: rate of a spring's torque, times C_w or C_F, beyond which a step is bent */
+#define STEEP 1500.0 /* 1/s: rate of a spring's torque, times largest d(ln K)/dT, beyond which a step is bent */
 
 static inline double brake(double velocity, double loss) {
     return loss == 0.0 ? velocity : copysign(fmax(fabs(velocity) - loss, 0.0), velocity);
@@ -816,7 +816,7 @@ void advance(int64_t steps, struct state *state, const struct inputs *in, const 
         now_torsion -= ends.series.angle;
 #endif
         if (fabs(elastic - last_elastic) * c->C_w > STEEP * h ||
-            fabs(s->t_f_now - s->t_f_before) * c->C_F > STEEP * h) {
+            fabs(s->t_f_now - s->t_f_before) * c->flexspline_stiffening > STEEP * h) {
             double stored = flexspline_energy(now_torsion, c) - flexspline_energy(torsion, c);
             s->owed += missed(stored, now_torsion - torsion, s->t_f_before - s->flexspline_damper, rim.T_F - damper_F);
             stored = wave_generator_energy(now_wound, c) - wave_generator_energy(wound, c);

@@ -139,10 +139,18 @@ def test_what_is_no_number_is_refused_by_name_unit_range_and_equation(effect, va
             ActiveEffect(effect, (*values[:place], value, *values[place + 1 :]))
         told = str(refused.value)
         assert told.startswith(f"{effect.id}: {parameter.name} = {shown(value)} ")
-        assert f"{parameter.low:g} to {parameter.high:g} {parameter.unit}; {effect.equation} needs it." in told
+        unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+        range_ = f"at least {parameter.low:.6g} and at most {parameter.high:.6g}{unit}"
+        assert told.endswith(f"{range_}; {effect.equation} needs it.")
 
 
-@pytest.mark.parametrize("values", [None, 0.1, "0.1"])
+def test_values_may_be_a_list_or_an_array():
+    cogging = CATALOGUE["cogging"]
+    for values in ([1e-3, 84, 0.0], np.array([1e-3, 84.0, 0.0])):
+        assert ActiveEffect(cogging, values) == ActiveEffect(cogging, (1e-3, 84.0, 0.0))
+
+
+@pytest.mark.parametrize("values", [None, 0.1, "0.1", b"0.1"])
 def test_values_that_are_no_tuple_are_refused_with_what_is_wanted(values):
     with pytest.raises(ModelError, match=rf"cogging: values = {values!r} .* amplitude \(N\*m, 0 to .* needs them"):
         ActiveEffect(CATALOGUE["cogging"], values)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from sim_backend.errors import ModelError, NotFiniteError
+from sim_backend.errors import ModelError, NotFiniteError, shown
 from sim_backend.model.compliance import flexspline_torsion, wave_generator_torsion
 from sim_backend.model.effects import CATALOGUE, ActiveEffect
 from sim_backend.model.friction import play
@@ -937,23 +937,29 @@ def test_mistakes_are_refused_with_the_value():
     for time in (math.nan, math.inf, "1", None):
         with pytest.raises(ModelError, match=f"time = {time!r} s is not a finite number"):
             plant.advance_to(time)
-    for time in (2e11, 1e15, 1e30, 1e300):
+    for time in (2e11, 1e15, 1e30, 1e300, 1e308, 10**400, 10**5000):
         with pytest.raises(
             ModelError,
-            match=rf"time = {re.escape(repr(time))} s is further than .* from 0.5 s .* to 1.80144e\+11 s, 2\^53 steps",
+            match=rf"time = {re.escape(shown(time))} s is further than .* from 0.5 s .* to 1.80144e\+11 s, 2\^53 steps",
         ):
             plant.advance_to(time)
-    for target in (None, "1", 10**400):
-        with pytest.raises(ModelError, match=f"motor: target = {target!r} in mode TORQUE"):
+    with pytest.raises(ModelError, match=r"time = about -1e\+5000 s is in the past"):
+        plant.advance_to(-(10**5000))
+    for target in (None, "1", 10**400, 10**5000):
+        with pytest.raises(ModelError, match=rf"motor: target = {re.escape(shown(target))} in mode TORQUE"):
             plant.command("motor", AxisMode.TORQUE, target)
-    for mode in (7, "TORQUE"):
-        with pytest.raises(ModelError, match=f"motor: mode = {mode!r} is unknown; a drive has OFF, TORQUE, VELOCITY"):
+    for mode in (7, "TORQUE", 10**5000):
+        with pytest.raises(
+            ModelError, match=rf"motor: mode = {re.escape(shown(mode))} is unknown; a drive has OFF, TORQUE, VELOCITY"
+        ):
             plant.command("motor", mode, 1.0)
-    for locked in (None, 2, 1):
-        with pytest.raises(ModelError, match=f"locked = {locked!r} must be True"):
+    with pytest.raises(ModelError, match=r"load: torque limit = about 1e\+5000 N\*m must be finite"):
+        plant.set_torque_limit("load", 10**5000)
+    for locked in (None, 2, 1, 10**5000):
+        with pytest.raises(ModelError, match=rf"locked = {re.escape(shown(locked))} must be True"):
             plant.set_lock(locked)
-    for seed in (-1, "a", 1.0, True, None):
-        with pytest.raises(ModelError, match=f"seed = {seed!r} must be a whole number of at least 0"):
+    for seed in (-1, "a", 1.0, True, None, -(10**5000)):
+        with pytest.raises(ModelError, match=rf"seed = {re.escape(shown(seed))} must be a whole number of at least 0"):
             Plant(CONFIG, seed=seed)
     assert plant.truth() == Plant(CONFIG).truth()._replace(time=0.5)
 
@@ -995,6 +1001,11 @@ def test_a_plant_that_is_lost_says_when_what_and_why_and_stands_where_it_stood(c
         ((None,), r"config = None is not possible: a plant needs a PlantConfig"),
         (("size 17",), r"config = 'size 17' is not possible"),
         ((CONFIG, None), r"effects = None are not possible: they must be a sequence of ActiveEffect"),
+        ((10**5000,), r"config = about 1e\+5000 is not possible"),
+        ((CONFIG, 10**5000), r"effects = about 1e\+5000 are not possible"),
+        ((CONFIG, ""), r"effects = '' are not possible"),
+        ((CONFIG, b""), r"effects = b'' are not possible"),
+        ((CONFIG, [10**5000]), r"effects\[0\] = about 1e\+5000 is not possible"),
         ((CONFIG, (CATALOGUE["cogging"],)), r"effects\[0\] = Effect.* is not possible: it must be an ActiveEffect"),
         ((CONFIG, ("cogging",)), r"effects\[0\] = 'cogging' is not possible"),
     ],

@@ -7,7 +7,6 @@ the base terms are in the plant in another form: the inverses of their springs, 
 """
 
 import inspect
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -16,7 +15,7 @@ from types import MappingProxyType
 from typing import Protocol
 
 from sim_backend.errors import ModelError, shown
-from sim_backend.model.checks import is_series, number_of
+from sim_backend.model.checks import is_series, require
 
 DERIVED_SIGNALS: Mapping[str, str] = MappingProxyType(
     {
@@ -177,17 +176,9 @@ class ActiveEffect:
                 f"{'missing are' if missing else 'it takes'} {wanted}; {self.effect.equation} needs them."
             )
         for parameter, value in zip(self.effect.parameters, self.values, strict=True):
-            number = number_of(value)
-            if number is None:
-                raise ModelError(
-                    f"{self.effect.id}: {parameter.name} = {shown(value)} is no number: it must be one from "
-                    f"{parameter.low:g} to {parameter.high:g} {parameter.unit}; {self.effect.equation} needs it."
-                )
-            if not (math.isfinite(number) and parameter.low <= number <= parameter.high):
-                raise ModelError(
-                    f"{self.effect.id}: {parameter.name} = {shown(value)} {parameter.unit} is outside "
-                    f"{parameter.low:g} to {parameter.high:g} {parameter.unit}; {self.effect.equation} needs it."
-                )
+            name, unit = f"{self.effect.id}: {parameter.name}", "" if parameter.unit == "1" else parameter.unit
+            require(name, value, unit, self.effect.equation, low=parameter.low, high=parameter.high)
+        object.__setattr__(self, "values", tuple(map(float, self.values)))  # also of a list or an array
 
 
 def _check_kinds(effect: object, values: object) -> None:

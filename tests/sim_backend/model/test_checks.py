@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sim_backend.errors import ModelError
-from sim_backend.model.checks import require, require_all
+from sim_backend.model.checks import is_series, require, require_all
 
 
 @pytest.mark.parametrize(
@@ -42,6 +42,8 @@ def test_a_refusal_says_what_the_number_would_have_to_be(value, limits, wanted):
             {"low": 0.0, "high": 1.0},
             "about 1e+400 rad is not possible: it must be at least 0 and at most 1 rad",
         ),
+        (996 * 10**398, {"high": 1.0}, "about 1e+401 rad is not possible: it must be at most 1 rad"),
+        (-26 * 10**398, {"low": 0.0}, "about -3e+399 rad is not possible: it must be at least 0 rad"),
         (None, {"above": 0.0}, "None is no number: it must be one, above 0 rad"),
         ("1", {}, "'1' is no number: it must be one, finite rad"),
         (1j, {"low": 0.0}, "1j is no number: it must be one, at least 0 rad"),
@@ -49,7 +51,7 @@ def test_a_refusal_says_what_the_number_would_have_to_be(value, limits, wanted):
         ([10**5000], {"low": 0.0}, "a list is no number: it must be one, at least 0 rad"),
         ([1.0] * 50, {"low": 0.0}, f"{str([1.0] * 50)[:60]}... is no number: it must be one, at least 0 rad"),
     ],
-    ids=range(10),
+    ids=range(12),
 )
 def test_what_is_no_number_or_too_large_for_one_is_refused_in_the_same_words(value, limits, message):
     with pytest.raises(ModelError) as error:
@@ -74,6 +76,20 @@ def test_what_is_no_number_or_too_large_for_one_is_refused_in_the_same_words(val
 def test_of_a_series_too_the_first_that_is_no_number_is_named_with_its_place(values, message):
     with pytest.raises(ModelError, match=message):
         require_all("x", values, "rad", "(1)", high=2.0)
+
+
+@pytest.mark.parametrize("values", [(), [1.0], range(3), np.zeros(2), np.zeros((0, 2)), np.array([None])], ids=range(6))
+def test_several_values_are_a_tuple_a_list_or_an_array(values):
+    assert is_series(values)
+
+
+@pytest.mark.parametrize(
+    "values",
+    ["", "12", b"", b"12", bytearray(2), memoryview(b"12"), None, 1.0, {}, {1.0}, iter(()), np.array(1.0)],
+    ids=range(12),
+)
+def test_text_bytes_and_single_values_are_not_several(values):
+    assert not is_series(values)
 
 
 def test_whole_numbers_and_numpys_are_numbers():

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
@@ -81,10 +82,15 @@ def test_a_motor_that_cannot_be_is_refused():
         ("12", r"rows = '12' is not possible"),
         ([12.0, 58.0], r"rows\[0\] = 12\.0 is not possible: it must be a pair of a voltage"),
         ([(12.0, 58.0), (18.0,)], r"rows\[1\] = \(18\.0,\) is not possible: .* speed \(0\.001"),
+        (b"12", r"rows = b'12' is not possible"),
+        ([b"12"], r"rows\[0\] = b'12' is not possible"),
         (["12"], r"rows\[0\] = '12' is not possible"),
         ([(10**400, 58.0)], r"rows\[0\] voltage = about 1e\+400 V is not possible"),
         ([(math.nan, 58.0)], r"rows\[0\] voltage = nan V"),
-        ([("12", 58.0)], r"rows\[0\] voltage = '12' is no number: it must be one from 0\.001 to 1e\+06 V"),
+        (
+            [("12", 58.0)],
+            r"rows\[0\] voltage = '12' is no number: it must be one, at least 0\.001 and at most 1e\+06 V",
+        ),
     ],
 )
 def test_a_row_that_no_motor_has_is_named_with_its_place(rows, words):
@@ -110,6 +116,14 @@ def test_a_speed_or_voltage_is_computed_of_possible_numbers_only(call, words):
 def test_a_resistance_that_is_none_is_named_before_the_drag_is_held_against_it():
     with pytest.raises(ModelError, match=r"resistance = nan ohm .* L di/dt"):
         motor_from_speeds(TABLE_2[1:], 1e-4, math.nan)
+
+
+def test_rows_may_be_an_array():
+    motor = motor_from_speeds(np.array(TABLE_2[1:]), 1e-4)
+    assert motor == motor_from_speeds(TABLE_2[1:], 1e-4)
+    assert type(motor.constant) is float
+    with pytest.raises(ModelError, match=r"^rows is empty"):
+        motor_from_speeds(np.zeros((0, 2)), 1e-4)
 
 
 def test_a_motor_turns_backwards_as_fast_as_forwards():

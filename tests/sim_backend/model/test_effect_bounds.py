@@ -1,15 +1,17 @@
 """Effects inside their own ranges that this plant cannot have: refused before anything moves, with the bound."""
 
 import dataclasses
+import itertools
 import math
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
 from sim_backend.errors import ModelError
-from sim_backend.model.effects import CATALOGUE, ActiveEffect, Enters
-from sim_backend.model.fast_errors import most_amplitude
+from sim_backend.model.effects import CATALOGUE, ActiveEffect, Effect, Enters
 from sim_backend.model.parameters import Cubic, Piecewise, PlantConfig
+from sim_backend.model.step_bounds import most_amplitude
 from sim_backend.plant import Plant
 from sim_backend.ports import AxisMode
 from tests.sim_backend.test_plant import CONFIG, SILENT
@@ -92,14 +94,39 @@ def test_a_stiff_flexspline_leaves_less_to_a_modulation_where_the_step_needs_mor
     assert CONFIG.stiffness_for_step == pytest.approx(FOR_STEP)
 
 
-@pytest.mark.parametrize("effect", CATALOGUE.values(), ids=CATALOGUE)
-def test_an_effect_may_have_every_value_of_its_usual_range(effect):
-    if effect.enters is Enters.BASE:
-        return
-    of_the_bench = ("ratio", "torque_constant", "stiffness", "encoder_counts")
-    for end in (0, 1):
-        values = [p.typical if p.name in of_the_bench else p.usual[end] for p in effect.parameters]
-        Plant(CONFIG, [ActiveEffect(effect, tuple(values))])
+def at_the_ends(effect: Effect, *known: str) -> Iterator[dict[str, float]]:
+    """Give each combination of ends of the parameters' usual ranges; what is `known` keeps its typical value."""
+    ends = [(p.typical,) if p.name in known else p.usual for p in effect.parameters]
+    for values in itertools.product(*ends):
+        yield {p.name: value for p, value in zip(effect.parameters, values, strict=True)}
+
+
+@pytest.mark.parametrize("effect", [e for e in CATALOGUE.values() if e.enters is not Enters.BASE], ids=lambda e: e.id)
+def test_an_effect_may_have_both_ends_of_every_usual_range(effect):
+    for values in at_the_ends(effect, "ratio", "torque_constant", "stiffness", "encoder_counts"):
+        Plant(CONFIG, [active(effect.id, **values)], compiled=False)
+
+
+def bench_with(base_term: str, values: dict[str, float]) -> PlantConfig:
+    """Give the bench whose base term has these values."""
+    drive = CONFIG.drive
+    match base_term, values:
+        case "coulomb-friction", {"T_fs": level, "ratio": ratio}:
+            values = {"friction_torque": level * ratio, "ratio": ratio}
+        case "viscous-friction", {"b": b}:
+            values = {"viscous_friction": b}
+        case "inertia", {"J": J}:  # seen at the motor
+            rotor = J - CONFIG.wave_generator_inertia - CONFIG.output_inertia / drive.ratio**2
+            return dataclasses.replace(CONFIG, rotor_inertia=rotor)
+    return dataclasses.replace(CONFIG, drive=dataclasses.replace(drive, **values))
+
+
+@pytest.mark.parametrize("effect", [e for e in CATALOGUE.values() if e.enters is Enters.BASE], ids=lambda e: e.id)
+def test_a_bench_may_have_both_ends_of_every_usual_range_of_its_base_terms(effect):
+    for values in at_the_ends(effect):
+        plant = Plant(bench_with(effect.id, values), compiled=False)
+        plant.command("motor", AxisMode.TORQUE, 0.1)
+        plant.advance_to(2e-3)
 
 
 def test_just_inside_these_bounds_the_plant_is_sound_at_the_rated_torque():

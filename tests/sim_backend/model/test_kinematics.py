@@ -126,9 +126,16 @@ def test_what_no_member_can_have_is_refused_by_name_with_its_range(value):
         torques(100.0, flexspline=value)
     with pytest.raises(ModelError, match=says % ("friction", r"N\*m", "9")):
         wave_generator_torque(100.0, 1.0, value)
-    torque = torques(100.0, flexspline=1.0)
-    with pytest.raises(ModelError, match=r"^speed\.flexspline = "):
-        power_surplus(torque, Members(1.0, 0.0, value if value != -1e101 else math.nan))
+
+
+@pytest.mark.parametrize("value", ["1", 1j, True, [1.0], 10**400, 1e308, -3.1e106, math.nan])
+def test_what_no_member_can_come_to_is_refused_by_name_with_its_range(value):
+    says = rf"^%s = {re.escape(shown(value))} .* at least -3e\+106 and at most 3e\+106 %s; equation \(3\) needs it"
+    one = Members(1.0, 1.0, 1.0)
+    with pytest.raises(ModelError, match=says % (r"torque\.wave_generator", r"N\*m")):
+        power_surplus(one._replace(wave_generator=value), one)
+    with pytest.raises(ModelError, match=says % (r"speed\.flexspline", "rad/s")):
+        power_surplus(one, one._replace(flexspline=value))
 
 
 @pytest.mark.parametrize("ratio", [1.0, 1e6])

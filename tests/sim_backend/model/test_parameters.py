@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import re
 
 import pytest
 
@@ -223,9 +224,10 @@ def test_a_catalogue_of_absurd_values_is_refused_by_name(name, value):
                 estimate(**{**values, name: value})
 
 
-@pytest.mark.parametrize(("name", "value"), [("flexspline", 1.0), ("drive", None), ("rotation", None)])
+@pytest.mark.parametrize("value", [1.0, "", 10**5000], ids=["number", "text", "huge"])
+@pytest.mark.parametrize("name", ["flexspline", "drive", "rotation"])
 def test_a_part_of_another_kind_is_refused(name, value):
-    with pytest.raises(ModelError, match=rf"{name} = "):
+    with pytest.raises(ModelError, match=rf"^{name} = {re.escape(shown(value))}"):
         dataclasses.replace(BENCH, **{name: value})
 
 
@@ -243,6 +245,15 @@ def test_a_damper_too_strong_for_the_step_is_refused_with_the_body_the_damping_a
     body = "motor" if name in ("rotor_viscous_friction", "wave_generator_damping") else "output"
     with pytest.raises(ModelError, match=rf"{body} inertia .* dampers \(.*{name} = 60.* at most .* less damping"):
         PlantConfig(DRIVE, **{name: 60.0})
+
+
+@pytest.mark.parametrize("damping", [0.2, 15.0, 17.0, 19.0])
+def test_the_stiffness_that_the_step_can_take_is_that_up_to_which_a_bench_is_accepted(damping):
+    bench = PlantConfig(DRIVE, flexspline_damping=damping)
+    most = bench.stiffness_for_step
+    dataclasses.replace(bench, flexspline_stiffness_cap=(1.0 - 1e-9) * most)
+    with pytest.raises(ModelError, match=r"^step = 2e-05 s is too long for the output inertia"):
+        dataclasses.replace(bench, flexspline_stiffness_cap=(1.0 + 1e-9) * most)
 
 
 def test_the_rotation_may_be_given_by_its_name():

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 
+import numpy as np
 import pytest
 from scipy.integrate import quad
 
@@ -36,6 +37,19 @@ def test_the_older_laws_of_the_flexspline_give_the_torques_of_equations_10_and_1
     assert cubic_flexspline_torque(windup, LINEAR) == pytest.approx((8e3 * windup, 8e3), rel=1e-12)
     torque = float(piecewise_torque(windup, 8.4e3, 9.4e3, 1.2e4, 3.9, 12.0))
     assert piecewise_flexspline_torque(windup, PIECEWISE)[0] == pytest.approx(torque, rel=1e-12)
+
+
+@pytest.mark.parametrize(("name", "c"), [("flexspline", C), ("cubic_flexspline", CUBIC), ("cubic_flexspline", LINEAR)])
+def test_the_stiffening_of_a_smooth_law_is_the_largest_relative_change_of_its_stiffness_over_the_torque(name, c):
+    spring = getattr(springs, f"{name}_torque")
+    windups = np.linspace(0.0, min(c.flexspline_knee, 0.01), 20_001)[:-1]
+    torque, stiffness = np.array([spring(float(windup), c) for windup in windups]).T
+    largest = np.max(np.abs(np.diff(np.log(stiffness)) / np.diff(torque)))
+    assert c.flexspline_stiffening == pytest.approx(largest, rel=1e-6)
+
+
+def test_the_stiffening_of_the_piecewise_law_is_its_larger_jump_over_the_torque_of_the_first():
+    assert PIECEWISE.flexspline_stiffening == pytest.approx((1.2e4 / 9.4e3 - 1.0) / 3.9)
 
 
 ENERGIES = [
