@@ -1,6 +1,6 @@
 """Errors of the simulated bench; it shares no code with the drivers, the application translates them."""
 
-from decimal import Decimal
+import math
 
 _MOST_SHOWN = 60
 """Characters of a value in a message."""
@@ -9,7 +9,7 @@ _MOST_SHOWN = 60
 def shown(value: object) -> str:
     """Give a value as a message shows it: short, also a whole number of hundreds of digits or a long list."""
     if isinstance(value, int) and abs(value) > 10**_MOST_SHOWN:  # of 4300 digits Python would print none
-        return f"about {Decimal(value):.0e}"
+        return f"about {'-' if value < 0 else ''}1e+{round(math.log10(abs(value)))}"
     if isinstance(value, str):  # of an enum its text alone
         value = str(value)
     try:
