@@ -174,7 +174,8 @@ def test_a_value_outside_its_physical_range_is_refused(effect: Effect):
         for value in out_of_range(p):
             with pytest.raises(ValueError, match=f"{effect.id}: {p.name} = ") as error:
                 ActiveEffect(effect, typical(effect, **{p.name: value}))
-            for part in (repr(value), p.unit, f"{p.low:g} to {p.high:g}", effect.equation):
+            unit = "" if p.unit == "1" else f" {p.unit}"
+            for part in (f"{value!r}{unit}", f"at least {p.low:g} and at most {p.high:g}{unit}; ", effect.equation):
                 assert part in str(error.value)
 
 

@@ -33,17 +33,17 @@ except Interrupted as interrupted:
 
 
 @pytest.mark.parametrize("then", ["next_run", "next_stage"])
-@pytest.mark.parametrize("signals", ["[signal.SIGHUP]", "[signal.SIGHUP, signal.SIGTERM]"])
+@pytest.mark.parametrize("signals", ["[signal.SIGINT]", "[signal.SIGINT, signal.SIGTERM]"])
 def test_a_stop_signal_that_got_lost_ends_the_program_before_a_run_or_stage(signals, then):
     done = subprocess.run(
         [sys.executable, "-c", LOSING.format(signals=signals, then=then)], capture_output=True, text=True, check=True
     )
-    assert done.stdout == "interrupted by SIGHUP\n"
+    assert done.stdout == "interrupted by SIGINT\n"
     assert done.stderr == ""
 
 
 def test_a_third_signal_counts_again_when_the_first_got_lost():
-    script = LOSING.format(signals="[signal.SIGHUP, signal.SIGTERM]", then="os.kill")
+    script = LOSING.format(signals="[signal.SIGTERM, signal.SIGTERM]", then="os.kill")
     done = subprocess.run(
         [sys.executable, "-c", script.replace("os.kill()", "os.kill(os.getpid(), signal.SIGINT)")],
         capture_output=True,
@@ -60,7 +60,7 @@ from rig.terminal import carry_out
 
 def command():
     try:
-        os.kill(os.getpid(), signal.SIGHUP)
+        os.kill(os.getpid(), signal.SIGINT)
     except BaseException as error:
         raise ValueError("the schema cannot be built") from error
 
@@ -73,5 +73,5 @@ sys.exit(carry_out(command, as_json=False))
 def test_a_stop_signal_that_a_library_wrapped_is_told_as_the_abort():
     done = subprocess.run([sys.executable, "-c", WRAPPING], capture_output=True, text=True, check=False)
     assert done.returncode == 4
-    assert done.stderr.startswith("Aborted by SIGHUP")
+    assert done.stderr.startswith("Aborted by SIGINT")
     assert len(done.stderr.splitlines()) == 1
