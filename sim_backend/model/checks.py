@@ -12,16 +12,6 @@ if TYPE_CHECKING:
 from sim_backend.errors import ModelError, ParameterError, shown
 
 
-def number_of(value: object) -> float | None:
-    """Give a number as a float, infinite where it is too large for one; None for anything else, and for True."""
-    if isinstance(value, bool) or not isinstance(value, Real):
-        return None
-    try:
-        return float(value)
-    except OverflowError:
-        return -math.inf if value < 0 else math.inf
-
-
 def is_series(values: object) -> bool:
     """Tell whether these are several values, such as a tuple, a list or a numpy array, and no text or bytes."""
     if isinstance(values, str | bytes | bytearray | memoryview):
@@ -44,7 +34,7 @@ def require(
 
     What is a number but none of these is a ParameterError.
     """
-    number = number_of(value)
+    number = _number_of(value)
     if number is not None and math.isfinite(number) and above < number < below and low <= number <= high:
         return
     if isinstance(value, int) and number == math.inf:  # finite, but for no float
@@ -89,6 +79,16 @@ def require_all(
     for place in np.argwhere(wrong).tolist():
         at = f"[{', '.join(map(str, place))}]" if place else ""
         require(f"{name}{at}", array.item(*place), unit, equation, low=low, above=above, high=high)
+
+
+def _number_of(value: object) -> float | None:
+    """Give a number as a float, infinite where it is too large for one; None for anything else, and for True."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return None
+    try:
+        return float(value)
+    except OverflowError:
+        return -math.inf if value < 0 else math.inf
 
 
 def _listed(words: list[str]) -> str:
