@@ -37,17 +37,19 @@ def require(
     number = _number_of(value)
     if number is not None and math.isfinite(number) and above < number < below and low <= number <= high:
         return
-    if isinstance(value, int) and number == math.inf:  # finite, but for no float
-        high = min(high, sys.float_info.max)
-    elif isinstance(value, int) and number == -math.inf:
-        low = max(low, -sys.float_info.max)
+    too_large = number is not None and math.isinf(number) and value != number  # finite, but for no float
+    # where the caller sets no bound on that side, the largest float is one
+    if too_large and number == min(high, below):
+        high = sys.float_info.max
+    elif too_large and number == max(low, above):
+        low = -sys.float_info.max
     limits = (("at least", low), ("above", above), ("at most", high), ("below", below))
     wanted = [f"{word} {limit:.6g}" for word, limit in limits if math.isfinite(limit)]
     bounds = f"{_listed(wanted)} {unit}".rstrip() if wanted else "finite"
     if number is None:
         what = f"{name} = {shown(value)} is no number: it must be one, {bounds}"
         raise ModelError(f"{what if wanted else f'{what} {unit}'.rstrip()}; {equation} needs it.")
-    if not (math.isfinite(number) or isinstance(value, int)) and wanted:
+    if not (math.isfinite(number) or too_large) and wanted:
         bounds = f"finite{', ' if len(wanted) > 1 else ' and '}{bounds}"
     raise ParameterError(name, value, unit, f"must be {bounds}; {equation} needs it")
 
