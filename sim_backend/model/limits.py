@@ -104,8 +104,12 @@ BENCH: Mapping[str, Limit] = {
 """The rest of a bench."""
 
 
+def require_limit(name: str, value: object, limit: Limit) -> None:
+    """Raise ModelError unless `value` is a number within the limit; `name` is what the message calls it."""
+    require(name, value, limit.unit, limit.equation, low=limit.low, high=limit.high)
+
+
 def require_within(limits: Mapping[str, Limit], values: Mapping[str, object]) -> None:
     """Raise ModelError unless every value is a number within the limit of its name."""
     for name, value in values.items():
-        unit, low, high, equation = limits[name]
-        require(name, value, unit, equation, low=low, high=high)
+        require_limit(name, value, limits[name])
