@@ -196,7 +196,17 @@ def _flexspline(config: PlantConfig) -> _Flexspline:
             # K jumps at T1 and T2, where d(ln K)/dT has no bound: the jump is taken as spread over T1
             stiffening = max(abs(K2 / K1 - 1.0), abs(K3 / K2 - 1.0)) / T1
             return _Flexspline(
-                math.inf, math.inf, 0.0, stiffening, 0.0, 0.0, K1, K2, K3, T1, T2, torsion_1=first, torsion_2=second
+                knee=math.inf,
+                knee_torque=math.inf,
+                curvature=0.0,
+                stiffening=stiffening,
+                K1=K1,
+                K2=K2,
+                K3=K3,
+                T1=T1,
+                T2=T2,
+                torsion_1=first,
+                torsion_2=second,
             )
 
 
