@@ -12,7 +12,7 @@ class Constants(NamedTuple):
 
     A settling is the part of the way to its final temperature that a thermal node goes in one tick of the drive loops.
     a1, a3: of the cubic law (10); K1 to torsion_2: of the piecewise linear law (11) with the torsions at T1 and T2; 0
-    where the flexspline has another law. flexspline_stiffening: largest d(ln K)/dT of the law it follows.
+    where the flexspline has another law. flexspline_stiffening: largest d(ln K)/dT of the law it follows, 1/(N*m).
     """
 
     step: float
