@@ -4,7 +4,7 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
-from sim_backend.errors import ModelError
+from sim_backend.errors import ModelError, shown
 from sim_backend.plant import Plant
 
 
@@ -13,11 +13,11 @@ def advance_all(plants: Sequence[Plant], time: float, workers: int | None = None
 
     workers: threads; None: one for every core that this process may use. Threads share the cores because compiled
     plants run without the interpreter's lock; a call is worth it from some thousand steps of each plant on.
-    Raises ModelError if `workers` is below 1, a plant is in the list twice, or plants cannot be advanced; it names
-    these by their number from 0, and all others stand at `time`.
+    Raises ModelError if `workers` is below 1, a plant is in the list twice, or plants refuse `time`; it names these by
+    their number from 0, and all others stand at `time`.
     """
     if workers is not None and workers < 1:
-        raise ModelError(f"workers = {workers!r} must be at least 1.")
+        raise ModelError(f"workers = {shown(workers)} must be at least 1.")
     _check_different(plants)
     threads = min(_cores() if workers is None else workers, len(plants))
     if threads > 1:
@@ -28,16 +28,15 @@ def advance_all(plants: Sequence[Plant], time: float, workers: int | None = None
     failed = {number: error for number, error in enumerate(errors) if error is not None}
     if failed:
         told = " ".join(f"Plant {number}: {error}" for number, error in failed.items())
-        raise ModelError(f"{len(failed)} of {len(plants)} plants were not advanced to {time!r} s. {told}") from next(
-            iter(failed.values())
-        )
+        message = f"{len(failed)} of {len(plants)} plants were not advanced to {shown(time)} s. {told}"
+        raise ModelError(message) from next(iter(failed.values()))
 
 
-def _advance(plant: Plant, time: float) -> Exception | None:
-    """Advance one plant; an error is handed over, so that it does not keep the others from their time."""
+def _advance(plant: Plant, time: float) -> ModelError | None:
+    """Advance one plant; its refusal is handed over, so that it does not keep the others from their time."""
     try:
         plant.advance_to(time)
-    except Exception as error:
+    except ModelError as error:
         return error
     return None
 

@@ -12,16 +12,6 @@ if TYPE_CHECKING:
 from sim_backend.errors import ModelError, ParameterError, shown
 
 
-def number_of(value: object) -> float | None:
-    """Give a number as a float, infinite where it is too large for one; None for anything else, and for True."""
-    if isinstance(value, bool) or not isinstance(value, Real):
-        return None
-    try:
-        return float(value)
-    except OverflowError:
-        return -math.inf if value < 0 else math.inf
-
-
 def is_series(values: object) -> bool:
     """Tell whether these are several values, such as a tuple, a list or a numpy array, and no text or bytes."""
     if isinstance(values, str | bytes | bytearray | memoryview):
@@ -44,20 +34,22 @@ def require(
 
     What is a number but none of these is a ParameterError.
     """
-    number = number_of(value)
+    number = _number_of(value)
     if number is not None and math.isfinite(number) and above < number < below and low <= number <= high:
         return
-    if isinstance(value, int) and number == math.inf:  # finite, but for no float
-        high = min(high, sys.float_info.max)
-    elif isinstance(value, int) and number == -math.inf:
-        low = max(low, -sys.float_info.max)
+    too_large = number is not None and math.isinf(number) and value != number  # finite, but for no float
+    # where the caller sets no bound on that side, the largest float is one
+    if too_large and number == min(high, below):
+        high = sys.float_info.max
+    elif too_large and number == max(low, above):
+        low = -sys.float_info.max
     limits = (("at least", low), ("above", above), ("at most", high), ("below", below))
     wanted = [f"{word} {limit:.6g}" for word, limit in limits if math.isfinite(limit)]
     bounds = f"{_listed(wanted)} {unit}".rstrip() if wanted else "finite"
     if number is None:
         what = f"{name} = {shown(value)} is no number: it must be one, {bounds}"
         raise ModelError(f"{what if wanted else f'{what} {unit}'.rstrip()}; {equation} needs it.")
-    if not (math.isfinite(number) or isinstance(value, int)) and wanted:
+    if not (math.isfinite(number) or too_large) and wanted:
         bounds = f"finite{', ' if len(wanted) > 1 else ' and '}{bounds}"
     raise ParameterError(name, value, unit, f"must be {bounds}; {equation} needs it")
 
@@ -89,6 +81,16 @@ def require_all(
     for place in np.argwhere(wrong).tolist():
         at = f"[{', '.join(map(str, place))}]" if place else ""
         require(f"{name}{at}", array.item(*place), unit, equation, low=low, above=above, high=high)
+
+
+def _number_of(value: object) -> float | None:
+    """Give a number as a float, infinite where it is too large for one; None for anything else, and for True."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return None
+    try:
+        return float(value)
+    except OverflowError:
+        return -math.inf if value < 0 else math.inf
 
 
 def _listed(words: list[str]) -> str:

@@ -56,14 +56,14 @@ class Functions:
 
     def _call(self, function: str, *arguments: object) -> Any:
         """Call; the first call compiles, and reads and writes the cache. What fails there is done again without it."""
-        for remedy in (self._discard, self._do_without, None):
+        for remedy in (self._discard, self._do_without):
             try:
                 return getattr(self._module, function)(*arguments)
-            except Exception as error:
-                if remedy is None or not _of_numbas_cache(error):
+            except Exception as error:  # a spoilt cache fails with whatever its bytes lead to
+                if not _of_numbas_cache(error):
                     raise
-                remedy()
-        return None
+            remedy()
+        return getattr(self._module, function)(*arguments)
 
     def _discard(self) -> None:
         _discard(self._folder, self._module.__name__)

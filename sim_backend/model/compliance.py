@@ -29,11 +29,10 @@ from numpy.typing import NDArray
 
 from sim_backend.errors import ModelError
 from sim_backend.model import limits
-from sim_backend.model.checks import require
 from sim_backend.model.effects.flexspline_compliance import flexspline_compliance
 from sim_backend.model.effects.wave_generator_compliance import wave_generator_compliance
 from sim_backend.model.estimation import check_torques
-from sim_backend.model.limits import require_within
+from sim_backend.model.limits import require_limit, require_within
 
 Floats = NDArray[np.float64]
 
@@ -204,6 +203,5 @@ def total_torsion(flexspline: Floats, wave_generator_torque: Floats, ratio: floa
 
     flexspline: its torsion, rad, after any of the laws. wave_generator_torque: T_w, N*m, as it acts back on the motor.
     """
-    _, low, high, _ = limits.RATIO
-    require("ratio", ratio, "", "torsion = f(T_F) - g(T_w)/N, Zhang (28),", low=low, high=high)
+    require_limit("ratio", ratio, limits.RATIO._replace(equation="torsion = f(T_F) - g(T_w)/N, Zhang (28),"))
     return flexspline - wave_generator_torsion(wave_generator_torque, K_w0, C_w) / ratio

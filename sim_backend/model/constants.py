@@ -12,7 +12,7 @@ class Constants(NamedTuple):
 
     A settling is the part of the way to its final temperature that a thermal node goes in one tick of the drive loops.
     a1, a3: of the cubic law (10); K1 to torsion_2: of the piecewise linear law (11) with the torsions at T1 and T2; 0
-    where the flexspline has another law. flexspline_stiffening: largest d(ln K)/dT of the law it follows.
+    where the flexspline has another law. flexspline_stiffening: largest d(ln K)/dT of the law it follows, 1/(N*m).
     """
 
     step: float
@@ -196,7 +196,17 @@ def _flexspline(config: PlantConfig) -> _Flexspline:
             # K jumps at T1 and T2, where d(ln K)/dT has no bound: the jump is taken as spread over T1
             stiffening = max(abs(K2 / K1 - 1.0), abs(K3 / K2 - 1.0)) / T1
             return _Flexspline(
-                math.inf, math.inf, 0.0, stiffening, 0.0, 0.0, K1, K2, K3, T1, T2, torsion_1=first, torsion_2=second
+                knee=math.inf,
+                knee_torque=math.inf,
+                curvature=0.0,
+                stiffening=stiffening,
+                K1=K1,
+                K2=K2,
+                K3=K3,
+                T1=T1,
+                T2=T2,
+                torsion_1=first,
+                torsion_2=second,
             )
 
 

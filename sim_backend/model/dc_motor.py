@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from sim_backend.errors import ModelError, shown
 from sim_backend.model.checks import is_series
-from sim_backend.model.limits import Limit, require_within
+from sim_backend.model.limits import Limit, require_limit, require_within
 
 RPM = 2.0 * math.pi / 60.0
 """rad/s."""
@@ -99,6 +99,7 @@ def motor_from_speeds(
 
 
 def _require_rows(rows: Sequence[tuple[float, float]]) -> None:
+    """Raise ModelError unless these are rows of a table, at least one, each within `ROW`."""
     parts = (f"a {name} ({limit.low:g} to {limit.high:g} {limit.unit})" for name, limit in ROW.items())
     pair = f"pair of {' and '.join(parts)}; {_TABLE} needs it."
     if not is_series(rows):
@@ -108,5 +109,5 @@ def _require_rows(rows: Sequence[tuple[float, float]]) -> None:
     for place, row in enumerate(rows):
         if not is_series(row) or len(row) != len(ROW):
             raise ModelError(f"rows[{place}] = {shown(row)} is not possible: it must be a {pair}")
-        names = [f"rows[{place}] {name}" for name in ROW]
-        require_within(dict(zip(names, ROW.values(), strict=True)), dict(zip(names, row, strict=True)))
+        for (name, limit), value in zip(ROW.items(), row, strict=True):
+            require_limit(f"rows[{place}] {name}", value, limit)

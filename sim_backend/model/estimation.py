@@ -9,7 +9,7 @@ import math
 
 from sim_backend.model import limits
 from sim_backend.model.checks import require
-from sim_backend.model.limits import require_numbers, require_within
+from sim_backend.model.limits import require_within
 
 _STIFFENING = "C_F = 2 sqrt((K2 - K1)/(K1 (T1+T2)^2 - K2 T1^2)), Zhang (32),"
 LOSS = "K_w0 = 2 T_fs/(N Psi), Zhang (33),"
@@ -23,9 +23,9 @@ def flexspline_from_catalogue(K1: float, K2: float, T1: float, T2: float) -> tup
     """Give K_F0 (N*m/rad) and C_F (1/(N*m)) of the arctan law; (31), (32), the solution of (29) and (30).
 
     K1, K2: N*m/rad; T1, T2: N*m. The paper prints C_F = 0.089 for its drive: (32) with its leading 2 applied twice.
-    Raises ModelError unless all are within `limits.CATALOGUE`, T1 < T2 and K1 < K2 < K1 ((T1+T2)/T1)^2.
+    Raises ModelError unless K1, T1 and T2 are within `limits.CATALOGUE`, T1 < T2 and K1 < K2 < K1 ((T1+T2)/T1)^2.
     """
-    _demand_catalogue(K1, K2, T1, T2, _STIFFENING)
+    _demand_catalogue(K1, T1, T2, _STIFFENING)
     outer = (T1 + T2) ** 2
     require("K2", K2, "N*m/rad", _STIFFENING, above=K1, below=K1 * outer / T1**2)
     K_F0 = K1 + (K1 - K2) * T1**2 / (outer - T1**2)
@@ -48,10 +48,10 @@ def cubic_from_catalogue(K1: float, K2: float, T1: float, T2: float) -> tuple[fl
 
     The paper does not say how it found them. Here the local stiffness dT/dtorsion is K1 at T1/2 and K2 at (T1+T2)/2,
     as (29) and (30) demand of the arctan law, so that both laws know the same of the drive.
-    Raises ModelError unless all are within `limits.CATALOGUE`, T1 < T2 and K1 < K2 < K1 ((T1+T2)/T1)^(2/3): a cubic
-    without a linear part stiffens by as much.
+    Raises ModelError unless K1, T1 and T2 are within `limits.CATALOGUE`, T1 < T2 and K1 < K2 < K1 ((T1+T2)/T1)^(2/3):
+    a cubic without a linear part stiffens by as much.
     """
-    _demand_catalogue(K1, K2, T1, T2, _CUBIC)
+    _demand_catalogue(K1, T1, T2, _CUBIC)
     low, high = 0.5 * T1, 0.5 * (T1 + T2)
     require("K2", K2, "N*m/rad", _CUBIC, above=K1, below=K1 * (high / low) ** (2.0 / 3.0))
 
@@ -88,7 +88,7 @@ def check_torques(T1: float, T2: float, equation: str = PIECEWISE_EQUATION) -> N
     require("T2", T2, "N*m", equation, above=T1)
 
 
-def _demand_catalogue(K1: float, K2: float, T1: float, T2: float, equation: str) -> None:
-    require_numbers(limits.CATALOGUE, {"K2": K2})
+def _demand_catalogue(K1: float, T1: float, T2: float, equation: str) -> None:
+    """Raise ModelError unless these are within `limits.CATALOGUE` and in order; what K2 may be follows from them."""
     require_within(limits.CATALOGUE, {"K1": K1, "T1": T1, "T2": T2})
     check_torques(T1, T2, equation)

@@ -28,16 +28,19 @@ LEAST_SAMPLES = 4
 MOST_ORDERS = 100_000
 """Far more than any record tells apart."""
 
-LARGEST = 1e100
-"""rad, of a coefficient; its square is still a number."""
+LARGEST_COEFFICIENT = 1e100
+"""rad; its square is still a number."""
 
-FURTHEST, LARGEST_ERROR = 1e12, 1e50
-"""rad; of an angle and an error of a record, whose integral is still a coefficient."""
+LARGEST_ANGLE, LARGEST_ERROR = 1e12, 1e50
+"""rad, of a record; its integral is still a coefficient."""
 
 
 @dataclass(frozen=True, slots=True)
 class FourierError:
-    """Coefficients of (17), rad: a_0, (a_1 ... a_k), (b_1 ... b_k)."""
+    """Coefficients of (17), rad: a_0, (a_1 ... a_k), (b_1 ... b_k).
+
+    Raises ModelError unless there are as many a_n as b_n, all numbers within +-`LARGEST_COEFFICIENT`.
+    """
 
     a0: float
     a: tuple[float, ...]
@@ -55,7 +58,8 @@ class FourierError:
         orders = range(1, len(self.a) + 1)
         names = ("a_0", *(f"a_{n}" for n in orders), *(f"b_{n}" for n in orders))
         for name, value in zip(names, self.coefficients, strict=True):
-            require(name, value, "rad", "(17)", low=-LARGEST, high=LARGEST)
+            require(name, value, "rad", "(17)", low=-LARGEST_COEFFICIENT, high=LARGEST_COEFFICIENT)
+        object.__setattr__(self, "a0", float(self.a0))
         object.__setattr__(self, "a", tuple(map(float, self.a)))  # also of a list or an array
         object.__setattr__(self, "b", tuple(map(float, self.b)))
 
@@ -88,10 +92,10 @@ def identify(motor_position: Floats, error: Floats, orders: int = ORDERS) -> Fou
 
     motor_position: rad, shape (n,), in order of time; neither evenly spaced nor free of jitter: the integral runs along
     the path, and an angle that is passed three times counts once. Trapezoidal rule: the error falls with the square of
-    the spacing, and faster where it is even. Raises ModelError if the record is shorter than a turn or
-    too coarse, a value beyond +-`FURTHEST` or +-`LARGEST_ERROR`, or `orders` no whole number from 1 to `MOST_ORDERS`.
+    the spacing, and faster where it is even. Raises ModelError if the record is shorter than a turn or too coarse, a
+    value is beyond +-`LARGEST_ANGLE` or +-`LARGEST_ERROR`, or `orders` is no whole number from 1 to `MOST_ORDERS`.
     """
-    require_all("motor_position", motor_position, "rad", "(18), (19)", low=-FURTHEST, high=FURTHEST)
+    require_all("motor_position", motor_position, "rad", "(18), (19)", low=-LARGEST_ANGLE, high=LARGEST_ANGLE)
     require_all("error", error, "rad", "(18), (19)", low=-LARGEST_ERROR, high=LARGEST_ERROR)
     orders = _count_of_orders(orders)
     angle, value = np.asarray(motor_position, dtype=np.float64), np.asarray(error, dtype=np.float64)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from sim_backend.errors import ModelError, shown
 from sim_backend.model.checks import require
-from sim_backend.model.limits import RATIO
+from sim_backend.model.limits import RATIO, require_limit
 
 LARGEST = 1e100
 """rad, rad/s or N*m of a member that is given: beyond any, and with every ratio the others and the power are finite."""
@@ -122,7 +122,8 @@ def power_surplus(torque: Members, speed: Members) -> float:
 def wave_generator_torque(ratio: float, flexspline: float, friction: float) -> float:
     """Give the torque at the wave generator with the circular spline held, N*m; (9).
 
-    flexspline: torque at the output, N*m. friction: torque T_Fr of dry friction there, N*m, signed.
+    flexspline: torque at the output, N*m. friction: torque T_Fr of dry friction there, N*m, signed. Raises ModelError
+    if either is beyond +-`LARGEST` or `ratio` outside `limits.RATIO`.
     """
     require("flexspline", flexspline, "N*m", "equation (9)", low=-LARGEST, high=LARGEST)
     require("friction", friction, "N*m", "equation (9)", low=-LARGEST, high=LARGEST)
@@ -130,7 +131,7 @@ def wave_generator_torque(ratio: float, flexspline: float, friction: float) -> f
 
 
 def _ratio(ratio: float) -> float:
-    require("ratio", ratio, "", "equation (1)", low=RATIO.low, high=RATIO.high)
+    require_limit("ratio", ratio, RATIO._replace(equation="equation (1)"))
     return float(ratio)
 
 

@@ -6,7 +6,7 @@ Far wider than any drive or bench, and narrow enough that no formula of the plan
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from sim_backend.model.checks import number_of, require
+from sim_backend.model.checks import require
 
 
 class Limit(NamedTuple):
@@ -104,15 +104,12 @@ BENCH: Mapping[str, Limit] = {
 """The rest of a bench."""
 
 
+def require_limit(name: str, value: object, limit: Limit) -> None:
+    """Raise ModelError unless `value` is a number within the limit; `name` is what the message calls it."""
+    require(name, value, limit.unit, limit.equation, low=limit.low, high=limit.high)
+
+
 def require_within(limits: Mapping[str, Limit], values: Mapping[str, object]) -> None:
     """Raise ModelError unless every value is a number within the limit of its name."""
     for name, value in values.items():
-        unit, low, high, equation = limits[name]
-        require(name, value, unit, equation, low=low, high=high)
-
-
-def require_numbers(limits: Mapping[str, Limit], values: Mapping[str, object]) -> None:
-    """Raise ModelError unless every value is a number, whatever its size."""
-    for name, value in values.items():
-        if number_of(value) is None:
-            require_within(limits, {name: value})
+        require_limit(name, value, limits[name])

@@ -8,8 +8,8 @@ from typing import Self
 from sim_backend.errors import ModelError, shown
 from sim_backend.model import limits
 from sim_backend.model.checks import require
-from sim_backend.model.compliance import Compliance
-from sim_backend.model.estimation import check_torques, flexspline_from_catalogue, wave_generator_from_tests
+from sim_backend.model.compliance import Compliance, check_cubic, check_piecewise
+from sim_backend.model.estimation import flexspline_from_catalogue, wave_generator_from_tests
 from sim_backend.model.limits import require_within
 
 DAMPING_SHARE = 0.9
@@ -83,7 +83,7 @@ class Cubic:
     a3: float
 
     def __post_init__(self) -> None:
-        require_within(limits.CUBIC, _numbers(self))
+        check_cubic(self.a1, self.a3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,8 +97,7 @@ class Piecewise:
     T2: float
 
     def __post_init__(self) -> None:
-        require_within(limits.PIECEWISE, _numbers(self))
-        check_torques(self.T1, self.T2)
+        check_piecewise(self.K1, self.K2, self.K3, self.T1, self.T2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -302,6 +301,6 @@ def _largest_stiffness(step: float, inertia: float, damping: float) -> float:
     return min(1.0, 4.0 * (DAMPING_SHARE - step * damping / inertia)) * inertia / step**2
 
 
-def _numbers(parameters: HarmonicDrive | Cubic | Piecewise | PlantConfig, *without: str) -> dict[str, object]:
+def _numbers(parameters: HarmonicDrive | PlantConfig, *without: str) -> dict[str, object]:
     """Give the parameters that must be numbers, by name."""
     return {f.name: getattr(parameters, f.name) for f in fields(parameters) if f.name not in without}

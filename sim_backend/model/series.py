@@ -109,7 +109,7 @@ def slide_in_series(
         fall_w = c.ratio * (K_w + c.wave_generator_damping * rate_weight)
         correction = residual / (fall_F + c.ratio * fall_w + c.rim_damping * rate_weight)
         if abs(residual) <= c.near and miss > ACCURACY:
-            # the slip is good but for its series: a correction may be too small to be one, and is no step of a bracket
+            # wind the series finer at this slip; a bracket would end the search if the correction cannot move the slip
             slip, accuracy = slip + correction, ACCURACY
             continue
         if abs(residual) <= c.near:

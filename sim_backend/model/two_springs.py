@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from sim_backend.errors import ModelError, shown
 from sim_backend.model.checks import require_all
 from sim_backend.model.friction import play
-from sim_backend.model.limits import BENCH, Limit, require_within
+from sim_backend.model.limits import BENCH, Limit, require_limit, require_within
 from sim_backend.model.parameters import HarmonicDrive
 
 Floats = NDArray[np.float64]
@@ -75,7 +75,7 @@ def analogue_of(drive: HarmonicDrive, motor_inertia: float) -> TwoSprings:
     """
     if not isinstance(drive, HarmonicDrive):
         raise ModelError(f"drive = {shown(drive)} is not possible: it must be a HarmonicDrive; {_MASS} needs it.")
-    require_within({"motor_inertia": INERTIA}, {"motor_inertia": motor_inertia})
+    require_limit("motor_inertia", motor_inertia, INERTIA)
     mass = drive.ratio**2 * motor_inertia
     return TwoSprings(
         K_a=drive.ratio**2 * drive.K_w0,
@@ -99,7 +99,7 @@ def moving(force: Floats, step: float, springs: TwoSprings) -> Path:
     can take up what is left of its momentum. Of first order in the step. Raises ModelError if `step` is outside `STEP`
     or a force beyond +-`LARGEST_FORCE`.
     """
-    require_within({"step": STEP}, {"step": step})
+    require_limit("step", step, STEP)
     _require_force(force)
     s = springs
     carried = s.mass + step * s.damping + step**2 * s.K_b

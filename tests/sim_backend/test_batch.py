@@ -86,6 +86,23 @@ def test_every_plant_that_fails_is_named():
         advance_all(batch, 0.01)
 
 
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_mistake_in_the_program_is_not_told_as_a_plant_s_refusal(workers):
+    class Broken(Plant):
+        def advance_to(self, time: float) -> None:
+            raise KeyError("a mistake")
+
+    with pytest.raises(KeyError, match="a mistake"):
+        advance_all([plant(0), plant(1, Broken)], 0.01, workers)
+
+
+def test_a_time_of_thousands_of_digits_is_refused_in_short():
+    with pytest.raises(
+        ModelError, match=r"1 of 1 plants were not advanced to about 1e\+5000 s\. Plant 0: time = about"
+    ):
+        advance_all([plant(0)], 10**5000)
+
+
 def test_a_plant_cannot_be_in_the_batch_twice():
     first, second = plant(0), plant(1)
     with pytest.raises(ModelError, match="plants 0 and 2 of the batch are one and the same"):

@@ -383,7 +383,7 @@ segments = st.tuples(
 """Lock or not, motor and load with targets as parts of what they can do, duration in ms."""
 
 
-OF_THE_BENCH = ("ratio", "torque_constant", "stiffness")
+OF_THE_BENCH = ("ratio", "torque_constant", "stiffness", "encoder_counts")
 """Parameters whose values are the bench's own."""
 
 within_usual = st.tuples(
@@ -418,10 +418,11 @@ def drawn_effects(seed: int) -> tuple[ActiveEffect, ...]:
     )
 
 
-def usual(name: str, **values: float) -> ActiveEffect:
+def active(effect_id: str, **values: float) -> ActiveEffect:
     """One effect with these values and typical ones for the rest."""
-    effect = CATALOGUE[name]
-    return ActiveEffect(effect, tuple(values.get(p.name, p.typical) for p in effect.parameters))
+    effect = CATALOGUE[effect_id]
+    all_values = {p.name: p.typical for p in effect.parameters} | values
+    return ActiveEffect(effect, tuple(all_values.values()))
 
 
 def play_through(
@@ -508,7 +509,7 @@ def test_a_flexspline_that_a_jolt_bends_behind_an_open_gap_keeps_the_energy(C_F,
     # the C_F of a law that they replace (10) 9e-5, 1.6e-4 and 1.8e-4, (11) 2e-6, 5e-6 and 1.5e-6
     config = dataclasses.replace(CONFIG, drive=dataclasses.replace(DRIVE, C_F=C_F), flexspline=law)
     plan = random_plan(seed)
-    error, gross = play_through((usual("backlash", amplitude=1e-2, contact=1e-4),), plan, config=config)
+    error, gross = play_through((active("backlash", amplitude=1e-2, contact=1e-4),), plan, config=config)
     assert error < 2e-6 * gross
 
 
@@ -544,7 +545,7 @@ def test_a_flexspline_that_hardly_stiffens_moves_like_a_linear_one():
 @pytest.mark.parametrize("seed", [6, 51])
 def test_a_rim_that_slides_at_one_speed_on_a_creeping_flexspline_is_not_lost(seed):
     # one step of the rim's solution met its law to the last bit while the creep was still on trial
-    error, gross = play_through((usual("creep", amplitude=0.05, time_constant=1.0),), random_plan(seed))
+    error, gross = play_through((active("creep", amplitude=0.05, time_constant=1.0),), random_plan(seed))
     assert error < 1e-4 * gross + FLOOR
 
 

@@ -42,6 +42,12 @@ def test_a_refusal_says_what_the_number_would_have_to_be(value, limits, wanted):
             {"low": 0.0, "high": 1.0},
             "about 1e+400 rad is not possible: it must be at least 0 and at most 1 rad",
         ),
+        (10**400, {"below": 1.0}, "about 1e+400 rad is not possible: it must be below 1 rad"),
+        (
+            Fraction(10**400),
+            {"low": 0.0},
+            f"Fraction({10**50}... rad is not possible: it must be at least 0 and at most 1.79769e+308 rad",
+        ),
         (996 * 10**398, {"high": 1.0}, "about 1e+401 rad is not possible: it must be at most 1 rad"),
         (-26 * 10**398, {"low": 0.0}, "about -1e+399 rad is not possible: it must be at least 0 rad"),
         (None, {"above": 0.0}, "None is no number: it must be one, above 0 rad"),
@@ -51,7 +57,7 @@ def test_a_refusal_says_what_the_number_would_have_to_be(value, limits, wanted):
         ([10**5000], {"low": 0.0}, "a list is no number: it must be one, at least 0 rad"),
         ([1.0] * 50, {"low": 0.0}, f"{str([1.0] * 50)[:60]}... is no number: it must be one, at least 0 rad"),
     ],
-    ids=range(12),
+    ids=range(14),
 )
 def test_what_is_no_number_or_too_large_for_one_is_refused_in_the_same_words(value, limits, message):
     with pytest.raises(ModelError) as error:

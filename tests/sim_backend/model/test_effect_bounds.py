@@ -3,7 +3,7 @@
 import dataclasses
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pytest
@@ -15,12 +15,7 @@ from sim_backend.model.step_bounds import most_amplitude
 from sim_backend.plant import Plant
 from sim_backend.ports import AxisMode
 from tests.sim_backend.test_plant import CONFIG, SILENT
-from tests.sim_backend.test_plant_physics import FLOOR, play_through, random_plan
-
-
-def active(effect: str, **values: float) -> ActiveEffect:
-    entry = CATALOGUE[effect]
-    return ActiveEffect(entry, tuple(values.get(p.name, p.typical) for p in entry.parameters))
+from tests.sim_backend.test_plant_physics import FLOOR, OF_THE_BENCH, active, play_through, random_plan
 
 
 def swept(plant: Plant) -> None:
@@ -94,7 +89,7 @@ def test_a_stiff_flexspline_leaves_less_to_a_modulation_where_the_step_needs_mor
     assert CONFIG.stiffness_for_step == pytest.approx(FOR_STEP)
 
 
-def at_the_ends(effect: Effect, *known: str) -> Iterator[dict[str, float]]:
+def at_the_ends(effect: Effect, known: Sequence[str] = ()) -> Iterator[dict[str, float]]:
     """Give each combination of ends of the parameters' usual ranges; what is `known` keeps its typical value."""
     ends = [(p.typical,) if p.name in known else p.usual for p in effect.parameters]
     for values in itertools.product(*ends):
@@ -103,7 +98,7 @@ def at_the_ends(effect: Effect, *known: str) -> Iterator[dict[str, float]]:
 
 @pytest.mark.parametrize("effect", [e for e in CATALOGUE.values() if e.enters is not Enters.BASE], ids=lambda e: e.id)
 def test_an_effect_may_have_both_ends_of_every_usual_range(effect):
-    for values in at_the_ends(effect, "ratio", "torque_constant", "stiffness", "encoder_counts"):
+    for values in at_the_ends(effect, OF_THE_BENCH):
         Plant(CONFIG, [active(effect.id, **values)], compiled=False)
 
 

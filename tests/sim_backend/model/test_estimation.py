@@ -70,7 +70,7 @@ def test_the_cubic_becomes_straight_where_the_catalogue_does():
 )
 def test_a_stiffening_that_the_law_cannot_have_is_refused_with_its_range(estimate, highest):
     estimate(**{**CATALOGUE, "K2": 0.999 * highest})
-    for K2 in (8.4e3, 8e3, 1.001 * highest, math.nan):
+    for K2 in (8.4e3, 8e3, 1.001 * highest, math.nan, None, "1"):
         with pytest.raises(
             ModelError, match=rf"^K2 = .* must be .*above 8400 and below {highest:.6g} N\*m/rad; .*Zhang \("
         ):

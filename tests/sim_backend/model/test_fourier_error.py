@@ -156,7 +156,8 @@ def test_coefficients_that_no_series_has_are_refused_by_name(coefficients, messa
 
 
 def test_coefficients_may_be_lists_or_arrays():
-    series = FourierError(0.0, np.array([1.0, 2.0]), [3.0, 4.0])
+    series = FourierError(np.float32(0.0), np.array([1.0, 2.0]), [3.0, 4.0])
+    assert {type(value) for value in series.coefficients} == {float}
     assert series == FourierError(0.0, (1.0, 2.0), (3.0, 4.0))
     assert hash(series) == hash(FourierError(0.0, (1.0, 2.0), (3.0, 4.0)))
 
