@@ -10,8 +10,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from drivers.errors import ConfigError, Mistake, did_you_mean
+from drivers.errors import ConfigError, Mistake
 from drivers.signals import BY_NAME
+from drivers.spelling import did_you_mean
 from procedures.intents import Measurement
 from procedures.plan import parameter_table
 from procedures.registry import PROCEDURES
