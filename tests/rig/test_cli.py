@@ -595,7 +595,7 @@ def test_a_dry_run_that_fails_tells_what_could_not_be_cleaned_up_and_that_nothin
     notes = [
         "Reaction: disable; the drives confirmed it.",
         "Closing the bench failed too: no answer.",
-        "The log up to here is complete: /tmp/x.mcap",
+        "The log up to here is complete: runs/free-run.mcap",
     ]
     error.facts |= {"reaction": "disable", "confirmed": True}
 
