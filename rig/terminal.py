@@ -31,7 +31,7 @@ def width_is_known() -> bool:
 
 
 def shortened(text: str, most: int = MAX_SHOWN) -> str:
-    """Give a text short enough to be repeated in a message: `most` letters."""
+    """Give a text short enough to be repeated in a message: `most` letters at most."""
     return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
