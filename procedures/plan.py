@@ -7,7 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from drivers.errors import ConfigError, Mistake, did_you_mean
+from drivers.errors import ConfigError, Mistake
+from drivers.spelling import did_you_mean
 from drivers.types import Limits
 from procedures.intents import Result, Steps
 

@@ -15,7 +15,7 @@ def main() -> None:
         from rig.cli import app
 
         app()
-    except BaseException:
+    except BaseException:  # whatever became of Interrupted on its way
         by = raised_interrupt()
         if by is None:
             raise

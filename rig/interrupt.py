@@ -37,11 +37,6 @@ def ignore_signals() -> None:
         signal.signal(number, signal.SIG_IGN)
 
 
-def _handle(handler: Callable[[int, FrameType | None], None]) -> None:
-    for number in handled_signals():
-        signal.signal(number, handler)
-
-
 def raised_interrupt() -> str | None:
     """Give the name of the stop signal that was raised as Interrupted and for which nobody has called ignore_signals.
 
@@ -70,6 +65,11 @@ class _Raised:
         if self._one_passed:
             _interrupt(number, frame)
         self._one_passed = True
+
+
+def _handle(handler: Callable[[int, FrameType | None], None]) -> None:
+    for number in handled_signals():
+        signal.signal(number, handler)
 
 
 def _interrupt(number: int, _frame: FrameType | None) -> None:

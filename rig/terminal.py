@@ -31,7 +31,7 @@ def width_is_known() -> bool:
 
 
 def shortened(text: str, most: int = MAX_SHOWN) -> str:
-    """Give a text short enough to be repeated in a message: `most` letters."""
+    """Give a text short enough to be repeated in a message: `most` letters at most."""
     return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
@@ -49,7 +49,7 @@ def carry_out(command: Callable[[], object], *, as_json: bool) -> int:
         return code if isinstance(code, int) else 0
     except NobodyReads:
         return 0
-    except BaseException as caught:
+    except BaseException as caught:  # whatever became of Interrupted on its way
         by = raised_interrupt()
         if by is not None:
             ignore_signals()  # a second one must not cut the message short

@@ -11,7 +11,8 @@ from typing import Any, TypeVar
 
 from drivers.canopen.profiles import TORQUE_UNITS
 from drivers.devices import OptionValue
-from drivers.errors import Mistake, did_you_mean
+from drivers.errors import Mistake
+from drivers.spelling import did_you_mean
 
 PASSED_THROUGH = "can_"
 

@@ -9,8 +9,9 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from drivers.errors import ConfigError, Mistake, did_you_mean, folded
+from drivers.errors import ConfigError, Mistake
 from drivers.registry import all_drivers
+from drivers.spelling import did_you_mean, folded
 from procedures.plan import ParameterInfo, parameter_table
 from procedures.registry import PROCEDURES
 from rig.terminal import emit, shortened, width_is_known

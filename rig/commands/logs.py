@@ -10,8 +10,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from drivers.errors import ConfigError, Mistake, did_you_mean
+from drivers.errors import ConfigError, Mistake
 from drivers.signals import BY_NAME
+from drivers.spelling import did_you_mean
 from procedures.intents import Measurement
 from procedures.plan import parameter_table
 from procedures.registry import PROCEDURES
@@ -166,7 +167,8 @@ def _measurement(item: Mapping[str, Any]) -> Measurement:
 def _units(key: str, procedure: str) -> dict[str, str]:
     """Give the units of what is kept under a key of the metadata, by name, as far as they are known."""
     if key == "outcome.extremes":
-        return {name: signal.unit for name, signal in BY_NAME.items()}
+        # the load's speed is taken from its positions and is no signal
+        return {name: signal.unit for name, signal in BY_NAME.items()} | {"load_velocity": "rad/s"}
     known = PROCEDURES.get(procedure) if key == "parameters" else None
     return {} if known is None else {info.name: info.unit for info in parameter_table(known.parameters)}
 
@@ -187,16 +189,18 @@ def _lines(text: str, units: Mapping[str, str]) -> list[str]:
 
 def _plain(value: object, unit: str = "") -> str:
     """Give a value of JSON as a person writes it, with its unit."""
+    suffix = f" {unit}" if unit not in ("", "1") else ""
     if isinstance(value, dict):
         return ", ".join(f"{name} {_part(item)}" for name, item in value.items() if item not in (None, "", [], {}))
     if isinstance(value, list):
-        return ", ".join(_part(item) for item in value) + (f" {unit}" if unit not in ("", "1") else "")
-    if value is None or value == "":
-        return "not set" if value is None else "-"
+        return ", ".join(_part(item) for item in value) + suffix if value else "empty"
+    if value is None:
+        return "not set"
+    if value == "":
+        return "-"
     if isinstance(value, bool):
         return "yes" if value else "no"
-    shown = f"{value:.6g}" if isinstance(value, float) else str(value)
-    return f"{shown} {unit}" if unit not in ("", "1") else shown
+    return (f"{value:.6g}" if isinstance(value, float) else str(value)) + suffix
 
 
 def _part(value: object) -> str:

@@ -8,7 +8,8 @@ from pathlib import Path
 from rich.console import Console
 
 from drivers.clock import RealClock
-from drivers.errors import ConfigError, Mistake, did_you_mean
+from drivers.errors import ConfigError, Mistake
+from drivers.spelling import did_you_mean
 from rig.config.dut import Dut, load_dut
 from rig.config.toml_file import parse_toml
 from rig.log.load import READERS, load_runs

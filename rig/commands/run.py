@@ -11,7 +11,8 @@ from rich.console import Console
 from rich.table import Table
 
 from drivers.clock import Clock, RealClock
-from drivers.errors import ConfigError, LimitError, Mistake, RigError, did_you_mean
+from drivers.errors import ConfigError, LimitError, Mistake, RigError
+from drivers.spelling import did_you_mean
 from procedures.intents import Measurement
 from procedures.plan import PlannedRun, build_parameters
 from procedures.registry import PROCEDURES

@@ -15,8 +15,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from drivers.devices import DeviceConfig
-from drivers.errors import ConfigError, Mistake, did_you_mean
+from drivers.errors import ConfigError, Mistake
 from drivers.registry import Kind, all_drivers
+from drivers.spelling import did_you_mean
 from drivers.types import Limits
 from rig.config.dut import Positive
 from rig.config.toml_file import Conflict, FileModel, PlainValue, Quantity, Table, parse_toml, read_text

@@ -21,7 +21,8 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from drivers.errors import ConfigError, Mistake, did_you_mean
+from drivers.errors import ConfigError, Mistake
+from drivers.spelling import did_you_mean
 from rig.terminal import MAX_SHOWN, shortened
 
 MAX_BYTES = 1_000_000

@@ -11,8 +11,9 @@ from typing import Annotated
 import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Field, PlainValidator
 
-from drivers.errors import DataError, near_names
+from drivers.errors import DataError
 from drivers.signals import BY_NAME, INTEGER_SIGNALS, TIME
+from drivers.spelling import near_names
 from rig.config.toml_file import FileModel, parse_toml, plain_value, read_text, whole_number_is_a_number
 from rig.log.names import plain_name
 from rig.log.run import Floats, ProcedureName, Run

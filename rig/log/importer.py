@@ -257,10 +257,10 @@ def _write_run(path: Path, run: Run, rows: NDArray[np.bool_], facts: Mapping[str
             auxiliary = tuple((name, values[index]) for name, values in further.items())
             measured = {name: values[index] for name, values in columns.items()}
             writer.write(sample(time=moment, auxiliary=auxiliary, **measured))
-    except BaseException:
+        writer.close({"result": "imported", "samples": str(len(time))})
+    except BaseException:  # also where a stop signal ends the import
         path.unlink()  # a part of a recording must not stand under the name of the whole
         raise
-    writer.close({"result": "imported", "samples": str(len(time))})
 
 
 def _values(name: str, column: Floats) -> list[float | int | None]:

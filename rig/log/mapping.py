@@ -24,8 +24,8 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from drivers.errors import did_you_mean
 from drivers.signals import AUXILIARY_PREFIX, BY_NAME, TIME
+from drivers.spelling import did_you_mean
 from rig.config.toml_file import (
     Conflict,
     FileModel,

@@ -58,13 +58,14 @@ class Workbench:
         self.quick = quick
         """Take a reduced version of whatever takes long; figures obtained this way are coarser."""
         self.tell = tell
-        self._shared: dict[Callable[[Any], object], object] = {}
+        self._shared: dict[Callable[[Workbench], Any], Any] = {}
 
     def share(self, work: Callable[["Workbench"], T]) -> T:
         """Give what `work` gives for this workbench; it is done once, however many items ask for it."""
         if work not in self._shared:
             self._shared[work] = work(self)
-        return self._shared[work]  # type: ignore[return-value]  # stored under the function that gave it
+        given: T = self._shared[work]
+        return given
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,8 @@ import re
 from collections.abc import Sequence
 from itertools import pairwise
 
-from drivers.errors import ConfigError, Mistake, did_you_mean
+from drivers.errors import ConfigError, Mistake
+from drivers.spelling import did_you_mean
 from rig.papers import both, castejon2009, zhang2014
 from rig.papers.item import Item, Row
 from rig.terminal import shortened

@@ -18,7 +18,6 @@ from drivers.errors import (
     ReadingError,
     RigError,
     RigTimeoutError,
-    did_you_mean,
 )
 
 EXAMPLES = [
@@ -82,22 +81,3 @@ def test_a_drive_without_error_code_does_not_show_one() -> None:
 
 def test_the_margin_of_a_limit_is_negative_beyond_it() -> None:
     assert LimitError("motor_torque", -0.3, 0.25, "N*m").facts["margin"] == pytest.approx(-0.05)
-
-
-@pytest.mark.parametrize(
-    ("name", "told"),
-    [
-        ("free-rnu", " (did you mean free-run?)"),
-        ("Free_Run", " (did you mean free-run?)"),
-        ("run", " (did you mean free-run or dry-run?)"),
-        ("backdriv", " (did you mean backdrive?)"),
-        ("nosuch", ""),
-        ("", ""),
-    ],
-)
-def test_a_name_is_answered_with_those_that_are_near_or_hold_the_word(name: str, told: str):
-    assert did_you_mean(name, ("free-run", "dry-run", "backdrive")) == told
-
-
-def test_no_more_than_three_names_are_suggested():
-    assert did_you_mean("fig1", [f"fig{n}" for n in range(1, 15)]).count(" or ") == 2

@@ -173,6 +173,16 @@ def test_show_prints_metadata_that_is_no_json_as_it_is(tmp_path, measurements, t
         assert text in shown, text
 
 
+def test_show_tells_what_is_empty_or_not_set_and_the_unit_of_a_speed_that_is_no_signal(tmp_path):
+    info = {"run_id": "1", "procedure": "backdrive", "parameters": '{"rates": [], "motion": null, "note": ""}'}
+    writer = LogWriter(tmp_path / "x.mcap", info, attachments={}, cycle_rate=1000, epoch_ns=0)
+    writer.write(Sample(time=0.0, cycle=0, motor_position=1.0))
+    writer.close({"status": "done", "extremes": '{"load_velocity": 0.5}'})
+    lines = [" ".join(line.split()) for line in rig("show", tmp_path / "x.mcap").stdout.splitlines()]
+    for told in ("parameters rates empty", "motion not set", "note -", "outcome.extremes load_velocity 0.5 rad/s"):
+        assert told in lines, told
+
+
 @pytest.mark.parametrize("command", ["show", "recover"])
 def test_a_folder_is_no_log_and_the_message_says_so_and_names_one(campaign, tmp_path, command):
     answer = rig(command, campaign)
@@ -595,7 +605,7 @@ def test_a_dry_run_that_fails_tells_what_could_not_be_cleaned_up_and_that_nothin
     notes = [
         "Reaction: disable; the drives confirmed it.",
         "Closing the bench failed too: no answer.",
-        "The log up to here is complete: /tmp/x.mcap",
+        "The log up to here is complete: runs/free-run.mcap",
     ]
     error.facts |= {"reaction": "disable", "confirmed": True}
 

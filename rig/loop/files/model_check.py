@@ -7,7 +7,8 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 
-from drivers.errors import Mistake, did_you_mean
+from drivers.errors import Mistake
+from drivers.spelling import did_you_mean
 from rig.config.catalogue import beyond_limits
 from rig.loop.files.model_file import Model, ModelEffect, ModelEstimate
 from rig.loop.model.parameters import parameter_table

@@ -32,16 +32,16 @@ SPEEDS = tuple(speed for _, speed in TABLE_2)
 PRINTED_ACCURACY = np.deg2rad(0.08)
 """rad, "0.08 grados" of section 3."""
 
-SECONDS = 4.0
-"""Of every run: the record whose transform shows 10.25 Hz."""
+SECONDS, PERIOD = 4.0, 1e-3
+"""s of a run, whose transform shows 10.25 Hz, and between its samples."""
 
 DRAWN = 500
-"""Samples in a motor turn that is drawn; 1 kHz makes 54 of the turn at 1120 rpm."""
+"""Samples in a motor turn that is drawn; those of a run are 54 in a turn at 1120 rpm."""
 
 
 @dataclass(frozen=True, slots=True)
 class AtSpeed:
-    """A steady run (rad/s): what was recorded at 1 kHz, and the kinematic error taken apart."""
+    """A run at a steady `speed` (rad/s) and `voltage` (V): what was recorded, and the kinematic error taken apart."""
 
     speed: float
     voltage: float
@@ -59,8 +59,11 @@ def paper_motor() -> DcMotor:
     return motor_from_speeds(TABLE_2[1:], paper_transmission().drag)
 
 
-def steady_run(series: FourierError, speed: float, *, seconds: float = SECONDS, period: float = 1e-3) -> AtSpeed:
-    """Turn the transmission at `speed` (rad/s), with the voltage that this needs."""
+def steady_run(series: FourierError, speed: float, *, seconds: float = SECONDS, period: float = PERIOD) -> AtSpeed:
+    """Turn the transmission at `speed` (rad/s) for `seconds`, with the voltage this needs; a sample every `period`.
+
+    Raises ModelError if `period` (s) is no multiple of the integrator's STEP, or a number is outside its limits.
+    """
     transmission, motor = paper_transmission(), paper_motor()
     voltage = voltage_for(motor, speed, transmission.drag)
     run = run_driven(transmission, series, motor, voltage, seconds, period=period)
@@ -73,8 +76,12 @@ def four_speeds(_: Workbench) -> tuple[AtSpeed, ...]:
 
 
 def four_speeds_to_draw(_: Workbench) -> tuple[AtSpeed, ...]:
-    """Run all four speeds for two motor turns, some 500 samples a turn; for drawing only."""
-    return tuple(_two_turns(speed) for speed in SPEEDS)
+    """Run all four speeds with the chosen error for two motor turns, some DRAWN samples in each; for drawing only."""
+    turns = [2.0 * np.pi / speed for speed in SPEEDS]
+    return tuple(
+        steady_run(CHOSEN_ERROR, speed, seconds=2.0 * turn, period=STEP * round(turn / DRAWN / STEP))
+        for speed, turn in zip(SPEEDS, turns, strict=True)
+    )
 
 
 def four_speeds_order_2(_: Workbench) -> tuple[AtSpeed, ...]:
@@ -85,8 +92,3 @@ def four_speeds_order_2(_: Workbench) -> tuple[AtSpeed, ...]:
 def rpm(speed: float) -> str:
     """Name a speed (rad/s)."""
     return f"{speed / RPM:.0f} rpm"
-
-
-def _two_turns(speed: float) -> AtSpeed:
-    turn = 2.0 * np.pi / speed
-    return steady_run(CHOSEN_ERROR, speed, seconds=2.0 * turn, period=STEP * round(turn / DRAWN / STEP))

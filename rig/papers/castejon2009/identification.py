@@ -29,7 +29,7 @@ A, B = slice(1, 1 + ORDERS), slice(1 + ORDERS, None)
 def identification(bench: Workbench) -> Outcome:
     """Identify the chosen error from runs at the paper's slow speed and at a tenth of it."""
     slow = bench.share(four_speeds)[0]
-    slower = steady_run(CHOSEN_ERROR, 0.1 * SPEEDS[0], period=1e-3)
+    slower = steady_run(CHOSEN_ERROR, 0.1 * SPEEDS[0])
     found, with_encoders = _identified(slow), _identified(slow, encoders=True)
     at_a_tenth = _identified(slower)
     name = rpm(slow.speed)

@@ -102,8 +102,8 @@ def fig_10(bench: Workbench) -> Outcome:
     label(axes[0], "time [s]", "load angle [rad]")
     axes[1].plot(time, -total * 1e6, label="real less ideal")
     flexible = at.parts.flexible - at.parts.flexible.mean()
-    of_it = drawn.parts.flexible[shown] - at.parts.flexible.mean()
-    axes[1].plot(time, -100.0 * of_it * 1e6, label="its flexible part, times 100")
+    drawn_flexible = drawn.parts.flexible[shown] - at.parts.flexible.mean()
+    axes[1].plot(time, -100.0 * drawn_flexible * 1e6, label="its flexible part, times 100")
     label(axes[1], "time [s]", "deviation [urad]")
     waves = 2.0 * (float(run.motor_position[-1]) - float(run.motor_position[0])) / TURN
     crossings = _crossings(flexible)
@@ -150,12 +150,13 @@ def fig_12(bench: Workbench) -> Outcome:
     frequency, amplitude = amplitude_spectrum(total, period)
     figure, axes = new_figure("Castejon 2009, Fig. 12: spectrum of the kinematic error at 310 rpm", panels=2)
     near = frequency <= 45.0
-    twice, closer = 2.0 * at.speed / TURN, axes[0].inset_axes((0.48, 0.3, 0.49, 0.42), xlim=(9.3, 11.2))
-    for panel in (axes[0], closer):
+    twice = 2.0 * at.speed / TURN
+    inset = axes[0].inset_axes((0.48, 0.3, 0.49, 0.42), xlim=(9.3, 11.2))
+    for panel in (axes[0], inset):
         panel.plot(frequency[near], amplitude[near] * 1e6, ".-", linewidth=0.6, label="record of 4 s")
         panel.axvline(PRINTED_LINE, color="0.3", linewidth=0.8, label=f"printed {PRINTED_LINE:.2f} Hz")
         panel.axvline(twice, color="C3", linestyle="--", linewidth=0.8, label=f"twice the speed, {twice:.2f} Hz")
-    closer.tick_params(labelsize=7)
+    inset.tick_params(labelsize=7)
     label(axes[0], "frequency [Hz]", "amplitude [urad]")
     orders = np.linspace(0.2, 8.0, 1000)
     axes[1].plot(orders, order_spectrum(at.run.motor_position, at.parts.total, orders) * 1e6, label="over the angle")

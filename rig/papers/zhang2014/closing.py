@@ -13,6 +13,7 @@ from rig.log.run import Run
 from rig.loop.campaign import LoopOptions
 from rig.loop.predict import predict_run
 from rig.loop.result import LoopResult
+from rig.loop.table import interval_text
 from rig.loop.trace import trace
 from rig.papers.figures import label, new_figure
 from rig.papers.item import Outcome, Row, Workbench
@@ -105,7 +106,7 @@ def _parameters(result: LoopResult, amplitude: float) -> list[Row]:
     for step in (step for step in result.steps if step.effect == "kinematic-error"):
         for name, value in hidden.items():
             found = step.parameters[name]
-            interval = "" if found.ci95 is None else f", 95 % interval {found.ci95[0]:.3g} to {found.ci95[1]:.3g}"
+            interval = "" if found.ci95 is None else f", 95 % interval {interval_text(*found.ci95)}"
             note = f"hidden in the bench: {value:.4g}{interval}"
             rows.append(Row(f"{name} of {step.effect}", None, found.value, found.unit, note))
     return rows

@@ -1,5 +1,6 @@
 """Foreign logs in: mapping, formats, splits, and errors that name file, column and row."""
 
+import errno
 import tomllib
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from scipy.io import savemat
 from drivers.errors import ConfigError, DataError
 from rig.log.importer import import_files
 from rig.log.load import load_runs
+from rig.log.mcap_file import McapFile
 from rig.log.run import ProcedureName, Run
 
 MAP = """
@@ -321,6 +323,19 @@ def test_an_existing_log_is_not_overwritten(tmp_path: Path) -> None:
     bring_in(tmp_path, "t,tau\n0,1\n", MAP)
     with pytest.raises(ConfigError, match="never overwritten"):
         bring_in(tmp_path, "t,tau\n0,1\n", MAP)
+
+
+@pytest.mark.parametrize("at", ["close_chunk", "finish"])
+def test_a_log_that_the_disk_refuses_does_not_stay_in_part(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at: str
+) -> None:
+    def refuse(_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(McapFile, at, refuse)
+    with pytest.raises(DataError, match="No space left"):
+        bring_in(tmp_path, "t,tau\n0,1\n", MAP)
+    assert not list((tmp_path / "out").iterdir())
 
 
 def test_structs_matrices_and_tables_give_their_columns(tmp_path: Path) -> None:
