@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import fftconvolve, savgol_coeffs
 
-from rig.loop.signals.noise import noise_and_memory, of_mean
+from rig.loop.signals.noise import left_in_mean, noise_and_memory
 
 Floats = NDArray[np.float64]
 
@@ -39,17 +39,17 @@ def smooth(values: Floats, side: int, period: float) -> Floats:
     found = corners_kept(values, side)
     noise, memory = noise_and_memory(values, period)
     shorter = 1 if found is values else 2 * side + 1
-    least = noise * of_mean(memory, shorter)
+    least = noise * left_in_mean(memory, shorter)
     found = found.copy()
     for width in (2 * round(0.5 * span / period) + 1 for span in SPANS):
         if not max(4 * side, FEWEST) < width <= values.size:
             continue
         cubic = _cubics(values, width)
         scatter = uniform_filter1d((values - cubic) ** 2, width)
-        variance = CUBIC_CENTRE * noise * of_mean(memory, width)
+        variance = CUBIC_CENTRE * noise * left_in_mean(memory, width)
         good = scatter <= noise * (1.0 + SCATTERS * math.sqrt(2.0 / width))
         apart = np.abs(uniform_filter1d(cubic - found, shorter))
-        good &= apart <= AGREE * np.sqrt(noise * of_mean(memory, 2 * shorter))
+        good &= apart <= AGREE * np.sqrt(noise * left_in_mean(memory, 2 * shorter))
         good &= variance < least
         found[good], least[good] = cubic[good], variance[good]
         shorter = width
