@@ -8,14 +8,14 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
-from rig.config.toml_file import Conflict, FileModel, Quantity, Table, parse_toml, read_text, whole_number_is_a_number
+from rig.config.toml_file import Conflict, FileModel, Number, Quantity, Table, parse_toml, read_text
 from sim_backend.errors import ParameterError
 from sim_backend.model.estimation import LOSS, PIECEWISE_EQUATION, check_torques
 
-Positive = Annotated[float, BeforeValidator(whole_number_is_a_number), Field(gt=0, le=1e9)]
-Ratio = Annotated[float, BeforeValidator(whole_number_is_a_number), Field(ge=1, le=1e6)]
+Positive = Annotated[Number, Field(gt=0, le=1e9)]
+Ratio = Annotated[Number, Field(ge=1, le=1e6)]
 Counts = Annotated[int, Field(ge=1, le=2**31)]
 
 COUNTING = "angle = 2 pi counts / encoder_counts"

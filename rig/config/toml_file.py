@@ -12,6 +12,7 @@ from typing import Annotated, Any, NamedTuple, Self, TypeVar, get_args
 
 from pydantic import (
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     ModelWrapValidatorHandler,
     PlainValidator,
@@ -44,6 +45,10 @@ def whole_number_is_a_number(value: object) -> object:
         return float(value)
     except OverflowError:
         raise ValueError("too large for a number") from None
+
+
+Number = Annotated[float, BeforeValidator(whole_number_is_a_number)]
+"""A number in a file, where 100 may stand for 100.0. Neither true nor a text is one."""
 
 
 def plain_value(value: object) -> object:

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import BeforeValidator, ConfigDict, Field, PlainValidator
+from pydantic import ConfigDict, Field, PlainValidator
 
 from drivers.errors import DataError
 from drivers.signals import BY_NAME, INTEGER_SIGNALS, TIME
 from drivers.spelling import near_names
-from rig.config.toml_file import FileModel, parse_toml, plain_value, read_text, whole_number_is_a_number
+from rig.config.toml_file import FileModel, Number, parse_toml, plain_value, read_text
 from rig.log.names import plain_name
 from rig.log.run import Floats, ProcedureName, Run
 from rig.log.text_table import MISSING, read_text_table
@@ -34,7 +34,6 @@ def _fact(value: object) -> object:
 
 
 Fact = Annotated[str | bool | int | float | datetime | date | time, PlainValidator(_fact)]
-Angle = Annotated[float, BeforeValidator(whole_number_is_a_number)]
 
 
 class RunFacts(FileModel):
@@ -45,7 +44,7 @@ class RunFacts(FileModel):
 
     procedure: Annotated[ProcedureName, Field(strict=False)] | None = None
     replicate: Annotated[str, Field(min_length=1, max_length=200)] | None = None
-    start_angle: Angle | None = None
+    start_angle: Number | None = None
 
     def metadata(self) -> dict[str, str]:
         """Give every fact that was stated, as text."""

@@ -22,17 +22,17 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from drivers.signals import AUXILIARY_PREFIX, BY_NAME, TIME
 from drivers.spelling import did_you_mean
 from rig.config.toml_file import (
     Conflict,
     FileModel,
+    Number,
     Table,
     parse_toml,
     read_text,
-    whole_number_is_a_number,
 )
 from rig.log.csv_file import RunFacts
 from rig.log.names import plain_name
@@ -41,8 +41,6 @@ from rig.log.units import find_unit, spellings
 MAX_BLOCKS = 1000
 
 _NAMES = (TIME.name, *BY_NAME)
-
-Number = Annotated[float, BeforeValidator(whole_number_is_a_number)]
 
 
 class SignalMap(FileModel):

@@ -13,7 +13,6 @@ from rig.loop.table import SCALES, headline
 PER_TURN = ("motor_position", "output_position")
 """Variables shown over one turn."""
 
-
 TITLE_WIDTH = 120
 """Letters in a line of the title: as many as the figure is wide."""
 

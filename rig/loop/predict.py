@@ -25,8 +25,8 @@ Floats = NDArray[np.float64]
 class Prediction:
     """Prediction and residual (n,) of one equation of one run, in `unit`.
 
-    `settling`: 1 where the sample is outside the legs of constant speed, was masked, or still depends on the
-    unknown start of a play, else 0.
+    `settling`: true where the sample does not count: outside the legs of constant speed, masked, still dependent on
+    the unknown start of a play, or, in an equation of a torque, taken while the mesh sticks.
     """
 
     equation: str

@@ -16,9 +16,8 @@ TITLES = ("equation", "unit", "before", "after", "floor", "floor 95 %", "max aft
 SCALES = {"rad": ("urad", 1e6), "N*m": ("mN*m", 1e3), "A": ("mA", 1e3)}
 """Units in which errors are printed, with what one SI unit is in them; files keep SI."""
 
-
 MOST_DIGITS = 15
-"""Digits of a number that are its own."""
+"""Decimal digits that a 64-bit number holds whatever its value."""
 
 BASE_PARTS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -108,7 +107,7 @@ def _parameters(step: Step) -> list[str]:
 
 
 def _shown(name: str, estimate: Estimate | ModelEstimate) -> str:
-    """Give a parameter with its 95 % half width and unit."""
+    """Give a parameter with its 95 % half width and unit, or the interval itself where it is too wide for one."""
     value, within = f"{name} {estimate.value:.7g}", ""
     if estimate.ci95 is not None:
         low, high = estimate.ci95
@@ -119,7 +118,10 @@ def _shown(name: str, estimate: Estimate | ModelEstimate) -> str:
 
 
 def interval_text(low: float, high: float, digits: int = 3) -> str:
-    """Give an interval with at least so many digits, and as many more as its width needs to show with two."""
+    """Give an interval with at least so many significant digits, up to 15 where its ends differ in later ones.
+
+    The width shows with two digits or more.
+    """
     largest, width = max(abs(low), abs(high)), abs(high - low)
     if width > 0.0 and math.isfinite(largest):
         digits = max(digits, math.floor(math.log10(largest)) - math.floor(math.log10(width)) + 2)

@@ -51,6 +51,9 @@ SHORTEST_BLOCK = 0.25
 """Blocks of time that a short campaign is cut into, and their length (s) at least: with few blocks nothing is
 significant, however clear it is."""
 
+FAR_FROM_PRIOR = 3.0
+"""Standard deviations of its prior by which a parameter of the flexspline's law may move without a word."""
+
 LEAST_HIDDEN = 0.05
 """Share of a torque line that may hide in the rotor's motion and is then said."""
 
@@ -343,10 +346,6 @@ def _far_from_catalogue(dut: Dut, model: Model) -> list[tuple[str, float, float]
         and model.value(parameter) != catalogue
         and not 1.0 / FACTOR < catalogue / model.value(parameter) < FACTOR
     ]
-
-
-FAR_FROM_PRIOR = 3.0
-"""Standard deviations of its prior by which a parameter of the flexspline's law may move without a word."""
 
 
 def _far_from_prior(final: Fit, told: Sequence[Open]) -> list[str]:

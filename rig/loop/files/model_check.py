@@ -11,12 +11,12 @@ from drivers.errors import Mistake
 from drivers.spelling import did_you_mean
 from rig.config.catalogue import beyond_limits
 from rig.loop.files.model_file import Model, ModelEffect, ModelEstimate
-from rig.loop.model.parameters import parameter_table
+from rig.loop.model.parameters import LAW_LIMITS, parameter_table
 from rig.loop.model.shapes import ShapeClass, named_effect
 from rig.loop.model.terms import Entry, entry_of, is_line
 from sim_backend.model.effects import CATALOGUE, Effect, Enters, Parameter
 from sim_backend.model.limits import CATALOGUE as DEVICE
-from sim_backend.model.limits import CUBIC, DRIVE, PIECEWISE, Limit
+from sim_backend.model.limits import DRIVE, Limit
 
 LARGEST = 1e9
 """In SI: beyond it no base parameter means anything."""
@@ -28,10 +28,8 @@ FALLING_FRICTION = 0.01
 """s/rad: share of the running friction per speed by which a viscous friction may be negative, as a fit leaves it."""
 
 _RANGES: Mapping[str, Limit] = {
-    **{name: DRIVE[name] for name in ("K_F0", "C_F", "K_w0", "C_w")},
-    **CUBIC,
-    "a3": CUBIC["a3"]._replace(low=LEAST_A3),
-    **PIECEWISE,
+    **LAW_LIMITS,
+    "a3": LAW_LIMITS["a3"]._replace(low=LEAST_A3),
     **{name: DEVICE["starting_torque"]._replace(equation="(36)") for name in ("T_fs", "T_fb")},
 }
 _ANGLES = ("motor_position", "output_position")

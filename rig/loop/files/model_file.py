@@ -3,16 +3,13 @@
 import json
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Annotated, Literal
+from typing import Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
-from rig.config.dut import Dut
-from rig.config.toml_file import FileModel, whole_number_is_a_number
+from rig.config.dut import Dut, Ratio
+from rig.config.toml_file import FileModel, Number
 from sim_backend.model.compliance import Compliance
-
-Number = Annotated[float, BeforeValidator(whole_number_is_a_number)]
-"""A number; JSON may write 100.0 as 100. Neither true nor a text is one."""
 
 
 class ModelEstimate(FileModel):
@@ -62,7 +59,7 @@ class ModelBase(FileModel):
     """
 
     model: BaseName
-    ratio: Annotated[Number, Field(ge=1, le=1e6)] | None
+    ratio: Ratio | None
     parameters: dict[str, ModelEstimate]
 
     @property

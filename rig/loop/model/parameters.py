@@ -7,6 +7,7 @@ Catalogue figures are priors and starting values, never limits. Source of the es
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,11 @@ from sim_backend.model.estimation import cubic_from_catalogue
 from sim_backend.model.limits import CUBIC, DRIVE, PIECEWISE, Limit
 
 Floats = NDArray[np.float64]
+
+LAW_LIMITS: Mapping[str, Limit] = MappingProxyType(
+    {**{name: DRIVE[name] for name in ("K_F0", "C_F", "K_w0", "C_w")}, **CUBIC, **PIECEWISE}
+)
+"""What the parameters of the compliance laws, flexspline and wave generator, can be; SI."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,15 +85,9 @@ class ParameterTable:
 
 def _possible(name: str, value: float) -> float:
     """Give the value nearest to this one that the laws can have: rough values of odd data lie anywhere."""
-    limit = _LAWS_LIMITS.get(name)
+    limit = LAW_LIMITS.get(name)
     return value if limit is None else min(max(value, limit.low), limit.high)
 
-
-_LAWS_LIMITS: Mapping[str, Limit] = {
-    **{name: DRIVE[name] for name in ("K_F0", "C_F", "K_w0", "C_w")},
-    **CUBIC,
-    **PIECEWISE,
-}
 
 TYPICAL_RATIO = 100.0
 TYPICAL_STIFFNESS_TORQUES = (8.4e3, 9.4e3, 3.9, 12.0)

@@ -15,6 +15,7 @@ import numpy as np
 
 from rig.loop.fitting.fit import Fit, refit, with_noise
 from rig.loop.model.equations import Equation, Piece
+from rig.loop.model.evaluation import angle_addition
 from rig.loop.model.shapes import ShapeClass
 from rig.loop.model.terms import Entry, Line, TermClass
 from rig.loop.result import Candidate, Verdict
@@ -329,15 +330,11 @@ def _candidates(ground: Ground, known: Mapping[str, float]) -> list[_Candidate]:
 
 
 def _angle_at_output(trial: Trial, kind: TermClass, ground: Ground) -> float:
-    """Give the largest angle, rad at the output, that a line of the torsion makes while the drive turns."""
-    size, turning = float(np.linalg.norm(trial.amplitudes)), [i for i in ground.fit.linear if i.piece.track.moves]
-    match kind.entry:
-        case Entry.MOTOR_ANGLE:
-            return size / ground.fit.linear[0].evaluation.ratio
-        case Entry.TORSION_TIMES_TORQUE:
-            return size * max((float(np.abs(item.evaluation.torque).max()) for item in turning), default=0.0)
-        case _:
-            return size
+    """Give the largest angle, rad at the output, that a line makes while the drive turns; 0 if it makes none."""
+    size = float(np.linalg.norm(trial.amplitudes))
+    turning = (item.evaluation for item in ground.fit.linear if item.piece.track.moves)
+    angles = (angle_addition(kind.entry, np.full(one.torque.size, size), one.torque, one.ratio) for one in turning)
+    return max((float(np.abs(angle).max(initial=0.0)) for angle in angles if angle is not None), default=0.0)
 
 
 def _judge(

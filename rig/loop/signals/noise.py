@@ -35,6 +35,15 @@ def noise_and_memory(values: Floats, period: float) -> tuple[Floats, float]:
     return _noise_variance(values, period) / _second_difference(memory, 1), memory
 
 
+def left_in_mean(memory: float, count: int) -> float:
+    """Give the share of the noise's variance that is left in the mean of `count` samples.
+
+    memory: correlation of neighbouring samples, as `noise_and_memory` gives it; 0 leaves 1/count.
+    """
+    k = np.arange(1, count)
+    return float((1.0 + 2.0 * np.sum((1.0 - k / count) * memory**k)) / count)
+
+
 def _noise_variance(values: Floats, period: float) -> Floats:
     """Give the variance of white noise around every sample, shape (n,), from second differences: a slope has none.
 
@@ -47,12 +56,6 @@ def _noise_variance(values: Floats, period: float) -> Floats:
     means = np.add.reduceat(squares, starts) / np.diff(np.append(starts, squares.size))
     level = median_filter(means, size=NOISE_BLOCKS, mode="nearest")
     return np.asarray(np.interp(np.arange(squares.size), starts + 0.5 * block, level))
-
-
-def of_mean(memory: float, count: int) -> float:
-    """Give the variance of the mean of `count` samples over that of one, `memory` the correlation of neighbours."""
-    k = np.arange(1, count)
-    return float((1.0 + 2.0 * np.sum((1.0 - k / count) * memory**k)) / count)
 
 
 def _memory(values: Floats, period: float) -> float:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.loop.signals.noise import noise_and_memory, of_mean
+from rig.loop.signals.noise import left_in_mean, noise_and_memory
 from rig.loop.signals.smoothing import corners_kept
 
 Floats = NDArray[np.float64]
@@ -31,7 +31,7 @@ SHORTEST = 1.0
 SPARE = 4
 """How many times as many knots splitting may give first: it cuts corners and ends in pieces, which are taken out."""
 
-BLOCK, BY_CHANCE, COLOURED, WORST = 0.5, 4.0, 1.5, 6.0
+BLOCK, BY_CHANCE, TYPICAL_COLOURED, WORST = 0.5, 4.0, 1.5, 6.0
 """s of the blocks whose means judge the polyline. Their rms, in standard deviations, may exceed one by this many of its
 own standard errors; with a noise that remembers, whose size is known less well, it may reach the third. No block may
 exceed the last."""
@@ -113,8 +113,8 @@ def _is_noise(rest: Floats, noise: Floats, memory: float, block: int) -> bool:
     """Whether the means over `block` samples of what is left (n,) scatter as noise of this variance (n,) would."""
     whole = rest.size // block * block
     means, variance = (x[:whole].reshape(-1, block).mean(axis=1) for x in (rest, noise))
-    sizes = np.abs(means) / np.sqrt(variance * of_mean(memory, block))
-    most_typical = COLOURED if memory else 1.0 + BY_CHANCE / math.sqrt(2.0 * sizes.size)
+    sizes = np.abs(means) / np.sqrt(variance * left_in_mean(memory, block))
+    most_typical = TYPICAL_COLOURED if memory else 1.0 + BY_CHANCE / math.sqrt(2.0 * sizes.size)
     return bool(np.sqrt(np.mean(sizes**2)) <= most_typical and sizes.max() <= WORST)
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import fftconvolve, savgol_coeffs
 
-from rig.loop.signals.noise import noise_and_memory, of_mean
+from rig.loop.signals.noise import left_in_mean, noise_and_memory
 
 Floats = NDArray[np.float64]
 
@@ -39,17 +39,17 @@ def smooth(values: Floats, side: int, period: float) -> Floats:
     found = corners_kept(values, side)
     noise, memory = noise_and_memory(values, period)
     shorter = 1 if found is values else 2 * side + 1
-    least = noise * of_mean(memory, shorter)
+    least = noise * left_in_mean(memory, shorter)
     found = found.copy()
     for width in (2 * round(0.5 * span / period) + 1 for span in SPANS):
         if not max(4 * side, FEWEST) < width <= values.size:
             continue
         cubic = _cubics(values, width)
         scatter = uniform_filter1d((values - cubic) ** 2, width)
-        variance = CUBIC_CENTRE * noise * of_mean(memory, width)
+        variance = CUBIC_CENTRE * noise * left_in_mean(memory, width)
         good = scatter <= noise * (1.0 + SCATTERS * math.sqrt(2.0 / width))
         apart = np.abs(uniform_filter1d(cubic - found, shorter))
-        good &= apart <= AGREE * np.sqrt(noise * of_mean(memory, 2 * shorter))
+        good &= apart <= AGREE * np.sqrt(noise * left_in_mean(memory, 2 * shorter))
         good &= variance < least
         found[good], least[good] = cubic[good], variance[good]
         shorter = width
@@ -57,7 +57,11 @@ def smooth(values: Floats, side: int, period: float) -> Floats:
 
 
 def _cubics(values: Floats, width: int) -> Floats:
-    """Give, at every sample, the cubic fitted to the `width` samples about it; towards the ends to the last `width`."""
+    """Give, at every sample, the cubic fitted to the `width` samples about it; towards the ends to the last `width`.
+
+    As `savgol_filter` does, whose time grows with the width as well: at 300 000 samples and a width of 6001 it takes
+    0.7 s, this 0.02 s.
+    """
     middle = values.mean()
     found = fftconvolve(values - middle, savgol_coeffs(width, 3), mode="same") + middle
     half, place = width // 2, np.linspace(-1.0, 1.0, width)
@@ -70,23 +74,22 @@ def corners_kept(values: Floats, side: int) -> Floats:
     """Smooth `values` (n,) by straight lines before, around and after each sample, the better fitting weighing more.
 
     A mean across the corner of a triangle cuts the corner: there only the line on the sample's own side fits. `side`:
-    samples on either side.
+    samples on either side; where they are too few, or the record is no longer than both sides, gives `values` itself.
     """
     if side < MIN_SIDE or values.size <= 2 * side:
         return values
-    before, around, after = (_straight(values, low, high) for low, high in ((-side, 0), (-side, side), (0, side)))
-    scatter = np.stack([before[1], around[1], after[1]])
+    spans = ((-side, 0), (-side, side), (0, side))
+    lines, scatter = (np.stack(found) for found in zip(*(_straight(values, *span) for span in spans), strict=True))
     worse = np.maximum(scatter / np.maximum(scatter.min(axis=0), LEAST_SCATTER), 1.0)
     # the variance of a fitted end point is four times, that of a centre once the mean's over half as many samples
     weight = np.array([0.25, 2.0, 0.25])[:, None] * np.exp(-0.5 * side * (worse - 1.0))
-    smoothed = (weight * np.stack([before[0], around[0], after[0]])).sum(axis=0) / weight.sum(axis=0)
-    return np.asarray(smoothed)
+    return np.asarray((weight * lines).sum(axis=0) / weight.sum(axis=0))
 
 
-def _straight(values: Floats, low: int, high: int) -> tuple[Floats, Floats, Floats]:
+def _straight(values: Floats, low: int, high: int) -> tuple[Floats, Floats]:
     """Fit a line to the samples from k+low to k+high around every k.
 
-    Gives its value at k, the variance of the residual, and to how many samples it was fitted; each (n,).
+    Gives its value at k, and the variance of the residual; each (n,).
     """
     n = values.size
     k = np.arange(n)
@@ -100,4 +103,4 @@ def _straight(values: Floats, low: int, high: int) -> tuple[Floats, Floats, Floa
     spread = count * (count**2 - 1.0) / 12.0
     slope = (ty - middle * y) / spread
     variance = np.maximum(yy - y**2 / count - slope**2 * spread, 0.0) / np.maximum(count - 2.0, 1.0)
-    return values.mean() + y / count + slope * (k - middle), variance, count
+    return values.mean() + y / count + slope * (k - middle), variance

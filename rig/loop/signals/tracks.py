@@ -69,6 +69,7 @@ SATURATED = 1 << 11
 class Track:
     """One run at one resolution. Arrays of shape (n,), None where not recorded.
 
+    `time` s; `period`: typical s between samples, each of which stands for `fine` samples of the log.
     `motor_position`, `output_position` rad; `T` and `M`: output and motor torque (N*m) as inputs of the springs,
     smoothed; `play_load`, `play_drive` (n * fine,) as inputs of a play, smoothed more and never thinned;
     `swept_torque` (n * fine,): the polyline that the output torque follows, never thinned, None where it follows none;
@@ -155,7 +156,7 @@ def make_track(run: Run, dut: Dut) -> Track:
         output_torque, motor_torque = _alive(output_torque), _alive(motor_torque)
     turning = run.procedure in (ProcedureName.FREE_RUN, ProcedureName.BACKDRIVE)
     held = not turning and float(np.median(np.abs(speed))) < HELD_SPEED and motor_position is not None
-    load, drive = _swept(output_torque, period), Swept() if moves else _swept(motor_torque, period)
+    load_line, drive_line = _line(output_torque, period), None if moves else _line(motor_torque, period)
     return Track(
         name=run.name,
         procedure=run.procedure,
@@ -165,11 +166,13 @@ def make_track(run: Run, dut: Dut) -> Track:
         fine=1,
         motor_position=motor_position,
         output_position=output_position,
-        T=_over_turns(output_torque, leg_speed, period) if moves else load.spring,
-        M=motor_torque if moves else drive.spring,
-        play_load=None if moves else load.play,
-        play_drive=drive.play,
-        swept_torque=load.line,
+        T=_over_turns(output_torque, leg_speed, period)
+        if moves
+        else _clean(output_torque, load_line, SPRING_SIDE, period),
+        M=motor_torque if moves else _clean(motor_torque, drive_line, SPRING_SIDE, period),
+        play_load=None if moves else _clean(output_torque, load_line, PLAY_SIDE, period),
+        play_drive=None if moves else _clean(motor_torque, drive_line, PLAY_SIDE, period),
+        swept_torque=load_line,
         output_torque=output_torque,
         motor_torque=motor_torque,
         motor_current=current,
@@ -229,7 +232,7 @@ def thin_track(track: Track) -> Track:
 
 
 def pick_rows(track: Track, rows: NDArray[np.intp]) -> Track:
-    """Keep the samples `rows` (m,) of a turning run; its laws have no memory."""
+    """Keep the samples `rows` (m,) of a turning run; its laws have no memory. What rings has one and is left out."""
 
     def pick(values: Floats | None) -> Floats | None:
         return None if values is None else values[rows]
@@ -278,24 +281,14 @@ def _ripple(run: Run, position: Floats | None, torque: Floats | None, leg_speed:
     return speed_ripple(run.time, position, torque, leg_speed)
 
 
-@dataclass(frozen=True, slots=True)
-class Swept:
-    """A torque (n,) as springs and as plays take it, and the polyline that it follows; None where there is none."""
-
-    spring: Floats | None = None
-    play: Floats | None = None
-    line: Floats | None = None
+def _line(values: Floats | None, period: float) -> Floats | None:
+    """Give the polyline that a torque (n,) follows, None where it follows none."""
+    return None if values is None else polyline(values, round(PLAY_SIDE / period), period)
 
 
-def _swept(values: Floats | None, period: float) -> Swept:
-    """Take the noise from a torque: by the polyline that it follows, or by smoothing for each in its own way."""
-    if values is None:
-        return Swept()
-    side = round(PLAY_SIDE / period)
-    line = polyline(values, side, period)
-    if line is not None:
-        return Swept(line, line, line)
-    return Swept(smooth(values, round(SPRING_SIDE / period), period), smooth(values, side, period))
+def _clean(values: Floats | None, line: Floats | None, side: float, period: float) -> Floats | None:
+    """Take the noise from a torque (n,): give the polyline that it follows, else smooth it over `side` (s)."""
+    return line if values is None or line is not None else smooth(values, round(side / period), period)
 
 
 def _over_turns(values: Floats | None, leg_speed: Floats, period: float) -> Floats | None:

@@ -5,7 +5,7 @@ is reported as `untraced` with its evidence.
 """
 
 import math
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 
 import numpy as np
 
@@ -72,8 +72,6 @@ def _without_floor(
         missing.append(f"a dwell of {LEAST_DWELL:g} s before the first motion of every run")
     if any(quantisation_square(piece, dut, ratio) is None for piece in angles):
         missing.append("the encoders' counts per turn in the device file")
-    procedures = dict.fromkeys(piece.track.procedure for piece in pieces)
-    names = " ".join(name for name in procedures if name != ProcedureName.OTHER)
     return [
         Open(
             verdict=Verdict.UNTRACED,
@@ -84,7 +82,7 @@ def _without_floor(
             },
             next_experiment=NextExperiment(
                 "A run repeated under the same conditions shows what noise leaves.",
-                f"rig run {names} --repeat 2" if names else "",
+                _run_again([piece.track.procedure for piece in pieces], " --repeat 2"),
             ),
         )
     ]
@@ -120,7 +118,7 @@ def _remembering(item: Memory) -> Open:
         },
         next_experiment=NextExperiment(
             "A run repeated under the same conditions tells whether this repeats or is noise.",
-            f"rig run {item.procedure} --repeat 2" if item.procedure != ProcedureName.OTHER else "",
+            _run_again([item.procedure], " --repeat 2"),
         ),
     )
 
@@ -140,9 +138,15 @@ def _untraced(item: Repeats) -> Open:
         },
         next_experiment=NextExperiment(
             "See at which rates, amplitudes and angles the residual changes.",
-            f"rig run {item.procedure}" if item.procedure != ProcedureName.OTHER else "",
+            _run_again([item.procedure]),
         ),
     )
+
+
+def _run_again(procedures: Iterable[str], option: str = "") -> str:
+    """Give the command that runs these procedures, each once; empty where `rig run` has none of them."""
+    names = [name for name in dict.fromkeys(procedures) if name != ProcedureName.OTHER]
+    return f"rig run {' '.join(names)}{option}" if names else ""
 
 
 def _shapes(selection: Selection) -> list[Open]:

@@ -75,25 +75,23 @@ def test_counts_that_beat_with_the_samples_are_no_kinematic_error() -> None:
     assert [line.order for line in step.lines] == pytest.approx([2.0], abs=1e-3)
 
 
+def free_runs_alone(seed: int, effects: Effects) -> LoopResult:
+    """Trace the free runs of a small campaign that hides these effects."""
+    plan = Plan(locked_angles=1, locked_pairs=0, backdrives=0, free_runs=2, free_run_pairs=1)
+    runs, held = runs_of(Campaign(seed, effects=effects, plan=plan, rate=100.0))
+    free = [run for run in runs if run.procedure is ProcedureName.FREE_RUN]
+    return trace(free, dut(), LoopOptions(held_out=tuple(run.name for run in free if run.name in held)))
+
+
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize("seed", [2, 5, 107, 108])
 def test_free_runs_alone_show_no_effect_that_the_counts_of_either_encoder_make(seed: int) -> None:
-    plan = Plan(locked_angles=1, locked_pairs=0, backdrives=0, free_runs=2, free_run_pairs=1)
-    runs, held = runs_of(Campaign(seed, plan=plan, rate=100.0))
-    free = [run for run in runs if run.procedure is ProcedureName.FREE_RUN]
-    out = tuple(name for name in held if name.startswith("free"))
-    result = trace(free, dut(), LoopOptions(held_out=out))
-    assert result.effects == ()
+    assert free_runs_alone(seed, Effects()).effects == ()
 
 
 @pytest.mark.timeout(300)
 def test_an_effect_as_small_as_a_count_is_found_where_it_does_not_beat() -> None:
-    plan = Plan(locked_angles=1, locked_pairs=0, backdrives=0, free_runs=2, free_run_pairs=1)
-    effects = Effects(kinematic_error=(Line(2.0, 4e-6, 0.3),))
-    runs, held = runs_of(Campaign(109, effects=effects, plan=plan, rate=100.0))
-    free = [run for run in runs if run.procedure is ProcedureName.FREE_RUN]
-    result = trace(free, dut(), LoopOptions(held_out=tuple(name for name in held if name.startswith("free"))))
-    (step,) = result.steps
+    (step,) = free_runs_alone(109, Effects(kinematic_error=(Line(2.0, 4e-6, 0.3),))).steps
     assert "kinematic-error" in step.effect
     assert step.lines[0].order == pytest.approx(2.0, abs=0.01)
     assert step.lines[0].amplitude == pytest.approx(4e-6, rel=0.1)

@@ -69,10 +69,16 @@ def loaded(written: Model, folder: Path) -> Model:
     return load_model(folder / "model.json")
 
 
-def refused(written: Model, folder: Path) -> list[tuple[str, str]]:
+def mistakes_of(path: Path) -> list[tuple[str, str]]:
+    """Give path and rule of everything for which a model file is refused."""
     with pytest.raises(ConfigError) as caught:
-        loaded(written, folder)
+        load_model(path)
     return [(mistake.path, mistake.rule) for mistake in caught.value.mistakes]
+
+
+def refused(written: Model, folder: Path) -> list[tuple[str, str]]:
+    write_model(written, folder / "model.json")
+    return mistakes_of(folder / "model.json")
 
 
 @pytest.mark.parametrize("name", [kind.effect for kind in periodic_effects()])
@@ -236,9 +242,7 @@ def edited(folder: Path, written: Model, place: tuple[str | int, ...], value: ob
         inner = inner[key]
     inner[place[-1]] = value
     path.write_text(json.dumps(content))
-    with pytest.raises(ConfigError) as caught:
-        load_model(path)
-    return [(mistake.path, mistake.rule) for mistake in caught.value.mistakes]
+    return mistakes_of(path)
 
 
 @pytest.mark.parametrize("value", [{}, {"value": 3.9}, [], True, "3.9", 10**400])

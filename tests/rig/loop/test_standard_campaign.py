@@ -33,7 +33,7 @@ WIDE = 3.0
 
 
 class PageRow(NamedTuple):
-    """`off`: half widths by parameter."""
+    """What the page says of one effect. `off`: half widths of its interval by which each parameter misses the truth."""
 
     answer: str
     off: Mapping[str, float]
