@@ -602,8 +602,8 @@ def test_the_strongest_damper_that_a_step_allows_keeps_the_account_and_a_stronge
     now = table(rows)
     assert np.all(np.isfinite(np.array(rows)))
     error = now.work - now.heat - now.effect_work - now.stored
-    # the fixture opens under 10 N*m: a wave generator damped 700 times as strongly as usual leaves 1.7e-4 of that jolt
-    assert np.max(np.abs(error)) < 2e-4 * np.sum(np.maximum(np.diff(now.work), 0.0))
+    # also where the fixture opens under 10 N*m and the wave generator is damped 700 times as strongly as usual
+    assert np.max(np.abs(error)) < 1e-4 * np.sum(np.maximum(np.diff(now.work), 0.0))
 
 
 def test_the_stored_energy_is_that_of_the_springs_and_the_speeds_up_to_the_square_of_the_step():
