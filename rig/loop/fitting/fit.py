@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.loop.fitting.normal import Columns, Kind, LinearPiece, Noise, Normal, linearise, noise_of, normal_of, solve
-from rig.loop.model.equations import Piece
+from rig.loop.model.equations import FEWEST_SAMPLES, Piece
 from rig.loop.model.prediction import Model, predict
-from rig.loop.signals.tracks import pick_rows
+from rig.loop.signals.tracks import pick_rows, thin_track
 from sim_backend.errors import ModelError
 
 Floats = NDArray[np.float64]
@@ -23,6 +23,9 @@ BLOCK = 2.0
 """s over which residuals are summed for tests and intervals; longer where the residual remembers longer."""
 
 COARSE = 3000
+COARSE_PERIOD = 0.1
+"""Samples of a turning run, and s between those of one that does not turn, in a coarse fit."""
+
 POLISH = 3
 """Passes over all samples after a coarse fit."""
 
@@ -87,17 +90,34 @@ def fit(
 
 
 def coarse(pieces: Sequence[Piece]) -> list[Piece]:
-    """Give the pieces with at most `COARSE` samples of every turning run: enough to find the way, not the interval."""
+    """Give the pieces with at most `COARSE` samples of every turning run and one a `COARSE_PERIOD` of the others.
+
+    That is enough to find the way, not the interval.
+    """
     found = []
     for piece in pieces:
         step = -(-piece.index.size // COARSE)
-        if piece.track.moves and step > 1:
+        if not piece.track.moves:
+            piece = _averaged(piece)
+        elif step > 1:
             rows = piece.index[::step]
             piece = replace(
                 piece, track=pick_rows(piece.track, rows), index=np.arange(rows.size), target=piece.target[::step]
             )
         found.append(piece)
     return found
+
+
+def _averaged(piece: Piece) -> Piece:
+    """Join the samples of a run that does not turn; the piece itself where too few would be left."""
+    track = thin_track(piece.track, COARSE_PERIOD)
+    factor = track.fine // piece.track.fine
+    place = piece.index // factor
+    kept, counts = np.unique(place[place < track.size], return_counts=True)
+    if factor == 1 or kept.size < FEWEST_SAMPLES:
+        return piece
+    sums = np.bincount(place, weights=piece.target)[kept]
+    return replace(piece, track=track, index=kept, target=sums / counts)
 
 
 def fit_stably(pieces: Sequence[Piece], model: Model, noise: dict[Kind, Noise], block: float) -> Fit:

@@ -145,7 +145,7 @@ def linearise(
         for number, line in enumerate(model.lines):
             position = evaluation.positions.get(line.kind.variable)
             if position is not None:
-                three = evaluation.columns(line.kind, line_values(line, position), rows)
+                three = evaluation.columns(line.kind, line_values(line, position).derivatives, rows)
                 place = columns.of_line(number)
                 for offset in range(place.stop - place.start):
                     jacobian[:, place.start + offset] = three[offset]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.loop.model.shapes import Place, ShapeTerm, addition, derivatives, place_of
-from rig.loop.model.terms import Entry, LineValues, TermClass
+from rig.loop.model.terms import Derivative, Entry, LineValues, TermClass
 from sim_backend.model.effects import Effect
 
 Floats = NDArray[np.float64]
@@ -63,17 +63,10 @@ class Evaluation:
         """Sign of the speed, shape (n,)."""
         return self.signals["direction"]
 
-    def columns(self, kind: TermClass, values: LineValues, rows: Rows) -> tuple[Floats, Floats, Floats]:
-        """Give the derivatives at the samples `rows` (m,) by sine, cosine and order of a line of this kind.
-
-        `values`: the line at every sample of the track.
-        """
+    def columns(self, kind: TermClass, derivatives: Sequence[Derivative], rows: Rows) -> list[Floats]:
+        """Give what each of the `derivatives` of a line of this kind does at the samples `rows`, each (m,)."""
         found = []
-        for plain, sloped in (
-            (values.by_sine, values.slope_by_sine),
-            (values.by_cosine, values.slope_by_cosine),
-            (values.by_order, values.slope_by_order),
-        ):
+        for plain, sloped in derivatives:
             column = np.zeros(rows.size)
             angle = angle_addition(kind.entry, plain, self.torque, self.ratio)
             if self.angle and angle is not None:
@@ -87,7 +80,7 @@ class Evaluation:
             if self.friction is not None and kind.entry is Entry.MOTOR_AGAINST_MOTION:
                 column += through(self.friction, plain, rows)
             found.append(column)
-        return found[0], found[1], found[2]
+        return found
 
     def shape_columns(self, term: ShapeTerm, rows: Rows, step: float) -> list[Floats] | None:
         """Give the derivatives at the samples `rows` (m,) by every free parameter; None if the term does not act.

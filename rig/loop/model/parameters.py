@@ -6,7 +6,7 @@ Catalogue figures are priors and starting values, never limits. Source of the es
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -47,16 +47,16 @@ class BaseParameter:
 class ParameterTable:
     """All base parameters, in the order of the vectors that hold them.
 
-    `law`: the flexspline's; its parameters come first, the very first is its stiffness without torque.
+    `law`: the flexspline's; its parameters come first, the very first is its stiffness without torque. `names`: of the
+    entries.
     """
 
     entries: tuple[BaseParameter, ...]
     law: Compliance = Compliance.ARCTAN
+    names: tuple[str, ...] = field(init=False)
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names in order."""
-        return tuple(entry.name for entry in self.entries)
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "names", tuple(entry.name for entry in self.entries))
 
     def start(self) -> Floats:
         """Start values, SI, shape (p,); those of the compliance laws within what the laws can have."""

@@ -32,7 +32,7 @@ from rig.loop.model.evaluation import FLEXSPLINE_TORQUE, Added, Evaluation, Rout
 from rig.loop.model.parameters import ParameterTable
 from rig.loop.model.shapes import SWEPT_TORQUE, ShapeTerm
 from rig.loop.model.terms import Entry, Line, line_values
-from rig.loop.signals.play import play_path
+from rig.loop.signals.play import play_output, play_path
 from rig.loop.signals.tracks import Track
 from sim_backend.model.compliance import LAWS, Compliance, wave_generator_stiffness, wave_generator_torsion
 from sim_backend.model.effects.inertia import inertia
@@ -330,17 +330,18 @@ def _locked(track: Track, model: Model) -> Evaluation:
     positions = _positions(track, model)
     added = _added(track, model, positions)
     drive = np.zeros(track.size * track.fine) if track.play_drive is None else track.play_drive
-    path = play_path(N * drive, N * model.value("T_fs"), track.fine)
-    signals = _signals(track, model, positions, path.output, track.M)
-    stand_in = path.output
+    pushed, radius = N * drive, np.asarray(N * model.value("T_fs"))
+    stand_in = play_output(pushed, radius, track.fine)
+    signals = _signals(track, model, positions, stand_in, track.M)
     for _ in range(LEVEL_PASSES if model.lines or model.shapes else 0):
-        against = np.repeat(added.motor(signals), track.fine)
-        radius = N * _radius(model.value("T_fs"), added.friction(signals), track.fine)
-        path = play_path(N * (drive - against), radius, track.fine)
-        change, stand_in = np.abs(path.output - stand_in).max(initial=0.0), path.output
+        pushed = N * (drive - np.repeat(added.motor(signals), track.fine))
+        radius = np.asarray(N * _radius(model.value("T_fs"), added.friction(signals), track.fine))
+        before, stand_in = stand_in, play_output(pushed, radius, track.fine)
+        change = np.abs(stand_in - before).max(initial=0.0)
         signals = _loaded(signals, stand_in)
         if change <= SETTLED * np.abs(stand_in).max(initial=0.0):
             break
+    path = play_path(pushed, radius, track.fine)
     ones = np.ones(track.size)
     slipped, last = path.slip >= 0, np.maximum(path.slip, 0)
     carried = Route(np.where(slipped, -N, 0.0), last)

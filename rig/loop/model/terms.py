@@ -161,6 +161,10 @@ def entry_of(effect: Effect) -> Entry:
     return _ENTRY_OF[effect.enters, key]
 
 
+Derivative = tuple[Floats, Floats]
+"""Derivative by one parameter of a line, and of the line's slope, each (n,)."""
+
+
 @dataclass(frozen=True, slots=True)
 class LineValues:
     """A line at the angles of a run: value, slope d/dx, and their derivatives by sine, cosine, order; shape (n,)."""
@@ -173,6 +177,15 @@ class LineValues:
     slope_by_sine: Floats
     slope_by_cosine: Floats
     slope_by_order: Floats
+
+    @property
+    def derivatives(self) -> tuple[Derivative, Derivative, Derivative]:
+        """By sine, cosine and order."""
+        return (
+            (self.by_sine, self.slope_by_sine),
+            (self.by_cosine, self.slope_by_cosine),
+            (self.by_order, self.slope_by_order),
+        )
 
 
 def line_values(line: Line, angle: Floats) -> LineValues:
@@ -190,3 +203,9 @@ def line_values(line: Line, angle: Floats) -> LineValues:
         slope_by_cosine=-k * sine,
         slope_by_order=quadrature - k * angle * value,
     )
+
+
+def line_derivatives(order: float, angle: Floats) -> tuple[Derivative, Derivative]:
+    """Give the derivatives by sine and cosine of a line of this order at `angle` (n,) rad."""
+    sine, cosine = np.sin(order * angle), np.cos(order * angle)
+    return (sine, order * cosine), (cosine, -order * sine)

@@ -22,7 +22,7 @@ from scipy.stats import chi2
 from rig.loop.fitting.fit import Fit
 from rig.loop.fitting.normal import LinearPiece, solve
 from rig.loop.model.equations import Equation
-from rig.loop.model.terms import Entry, Line, TermClass, line_values
+from rig.loop.model.terms import Entry, TermClass, line_derivatives
 
 Floats = NDArray[np.float64]
 
@@ -102,9 +102,8 @@ def line_columns(item: LinearPiece, kind: TermClass, order: float) -> Floats | N
     position = item.evaluation.positions.get(kind.variable)
     if position is None or not acts(item, kind):
         return None
-    values = line_values(Line(kind, order), position)
-    sine, cosine, _ = item.evaluation.columns(kind, values, item.piece.index)
-    return item.centred(np.column_stack([sine, cosine]))
+    columns = item.evaluation.columns(kind, line_derivatives(order, position), item.piece.index)
+    return item.centred(np.column_stack(columns))
 
 
 def acts(item: LinearPiece, kind: TermClass) -> bool:

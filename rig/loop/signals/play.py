@@ -63,6 +63,12 @@ def play_path(inputs: Floats, radius: Floats | float, fine: int = 1) -> PlayPath
     )
 
 
+def play_output(inputs: Floats, radius: Floats | float, fine: int = 1) -> Floats:
+    """Give the output of `play_path` alone, shape (n,)."""
+    output = play(inputs, radius)
+    return output if fine == 1 else np.asarray(output.reshape(-1, fine).mean(axis=1))
+
+
 def _sliding(away: Floats, output: Floats, radius: Floats) -> NDArray[np.bool_]:
     at_the_wall = np.abs(away) >= NEAR_THE_WALL * radius
     stuck = np.maximum.accumulate(np.where(at_the_wall, 0, np.arange(output.size)))

@@ -69,7 +69,8 @@ SATURATED = 1 << 11
 class Track:
     """One run at one resolution. Arrays of shape (n,), None where not recorded.
 
-    `time` s; `period`: typical s between samples, each of which stands for `fine` samples of the log.
+    `time` s; `period`: typical s between samples of the run, each of which stands for `fine` samples of the log;
+    `step`: the same between the samples of this track, of which some may have been left out.
     `motor_position`, `output_position` rad; `T` and `M`: output and motor torque (N*m) as inputs of the springs,
     smoothed; `play_load`, `play_drive` (n * fine,) as inputs of a play, smoothed more and never thinned;
     `swept_torque` (n * fine,): the polyline that the output torque follows, never thinned, None where it follows none;
@@ -86,6 +87,7 @@ class Track:
     replicate: str | None
     time: Floats
     period: float
+    step: float
     fine: int
     motor_position: Floats | None
     output_position: Floats | None
@@ -108,11 +110,6 @@ class Track:
     moves: bool
     held: bool
     saturated: int
-
-    @property
-    def step(self) -> float:
-        """Typical time between samples, s."""
-        return float(np.median(np.diff(self.time))) if self.time.size > 1 else self.period
 
     @property
     def size(self) -> int:
@@ -163,6 +160,7 @@ def make_track(run: Run, dut: Dut) -> Track:
         replicate=run.replicate,
         time=run.time,
         period=period,
+        step=period,
         fine=1,
         motor_position=motor_position,
         output_position=output_position,
@@ -190,9 +188,9 @@ def make_track(run: Run, dut: Dut) -> Track:
     )
 
 
-def thin_track(track: Track) -> Track:
-    """Average a run that does not turn over `SMOOTHING`; a turning run keeps every sample, since its lines are fast."""
-    factor = max(1, round(SMOOTHING / track.period))
+def thin_track(track: Track, over: float = SMOOTHING) -> Track:
+    """Average a run that does not turn over `over` (s); a turning run keeps every sample, since its lines are fast."""
+    factor = max(1, round(over / track.period))
     if track.moves or factor == 1 or track.size < 2 * factor:
         return track
     count = track.size // factor
@@ -201,7 +199,7 @@ def thin_track(track: Track) -> Track:
         return None if values is None else values[: count * factor].reshape(count, factor).mean(axis=1)
 
     def whole(values: Floats | None) -> Floats | None:
-        return None if values is None else values[: count * factor]
+        return None if values is None else values[: count * factor * track.fine]
 
     def pick(values: Floats) -> Floats:
         return values[: count * factor].reshape(count, factor)[:, factor // 2]
@@ -211,7 +209,8 @@ def thin_track(track: Track) -> Track:
         track,
         time=np.asarray(mean(track.time)),
         period=track.period * factor,
-        fine=factor,
+        step=track.step * factor,
+        fine=track.fine * factor,
         motor_position=mean(track.motor_position),
         output_position=mean(track.output_position),
         T=mean(track.T),
@@ -240,6 +239,7 @@ def pick_rows(track: Track, rows: NDArray[np.intp]) -> Track:
     return replace(
         track,
         time=track.time[rows],
+        step=float(np.median(np.diff(track.time[rows]))) if rows.size > 1 else track.step,
         motor_position=pick(track.motor_position),
         output_position=pick(track.output_position),
         T=pick(track.T),
