@@ -19,6 +19,7 @@ from rig.loop.files.model_file import Model as ModelFile
 from rig.loop.fitting.fit import BLOCK, Fit, fit, fit_stably, reweighted
 from rig.loop.fitting.intervals import hidden_share
 from rig.loop.fitting.starts import FACTOR, scaled_to_data
+from rig.loop.model.curves import curve_of
 from rig.loop.model.equations import FEWEST_SAMPLES, Equation, Law, Piece, distinct_readings, pieces_of
 from rig.loop.model.frames import turned, turned_shape
 from rig.loop.model.parameters import parameter_table
@@ -26,9 +27,10 @@ from rig.loop.model.prediction import Model, predict
 from rig.loop.model.shapes import ShapeTerm, named_effect
 from rig.loop.model.terms import Entry, Line, TermClass
 from rig.loop.result import EquationResult, Errors, LoopResult, Open, View
+from rig.loop.search.acceptance import NOT_EVERYWHERE
 from rig.loop.search.aliases import aliases, samplings
 from rig.loop.search.lines import USUAL_HIGHEST_ORDER
-from rig.loop.search.select import NOT_EVERYWHERE, Selection, Unadded, select
+from rig.loop.search.select import Selection, Unadded, select
 from rig.loop.signals.checks import check_gear, check_magnitudes, check_signs
 from rig.loop.signals.tracks import Track, make_track, thin_track
 from rig.loop.statements.metrics import Floor, Residual, errors, floor_of, pooled, residual_of
@@ -182,7 +184,8 @@ def shapes_of(model: ModelFile, dut: Dut) -> tuple[ShapeTerm, ...]:
     for item in model.effects:
         if item.lines:
             continue
-        effect = named_effect(item.effect, item.parameters.keys())
+        values = {name: estimate.value for name, estimate in item.parameters.items()}
+        effect = named_effect(item.effect, values.keys()) or curve_of(item.effect, item.enters, values.keys(), values)
         missing = [] if effect is None else [p.name for p in effect.parameters if p.name not in item.parameters]
         if effect is None or missing:
             raise DataError(
@@ -192,8 +195,8 @@ def shapes_of(model: ModelFile, dut: Dut) -> tuple[ShapeTerm, ...]:
                 expected="a catalogue effect with all its parameters, or lines",
                 hint="`rig effects` prints the catalogue; write the model anew with `rig loop`.",
             )
-        values = tuple(item.parameters[parameter.name].value for parameter in effect.parameters)
-        found.append(turned_shape(ShapeTerm(effect, values), dut))
+        ordered = tuple(values[parameter.name] for parameter in effect.parameters)
+        found.append(turned_shape(ShapeTerm(effect, ordered), dut))
     return tuple(found)
 
 

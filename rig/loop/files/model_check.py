@@ -3,6 +3,7 @@
 Checked once, where the file is read: what evaluates a model and what runs one then agree on what it can be.
 """
 
+import itertools
 import math
 import re
 from collections.abc import Iterator, Mapping
@@ -11,6 +12,7 @@ from drivers.errors import Mistake
 from drivers.spelling import did_you_mean
 from rig.config.catalogue import beyond_limits
 from rig.loop.files.model_file import Model, ModelEffect, ModelEstimate
+from rig.loop.model.curves import Curve, Form, curve_of
 from rig.loop.model.parameters import LAW_LIMITS, parameter_table
 from rig.loop.model.shapes import ShapeClass, named_effect
 from rig.loop.model.terms import Entry, entry_of, is_line
@@ -32,8 +34,8 @@ _RANGES: Mapping[str, Limit] = {
     "a3": LAW_LIMITS["a3"]._replace(low=LEAST_A3),
     **{name: DEVICE["starting_torque"]._replace(equation="(36)") for name in ("T_fs", "T_fb")},
 }
-_ANGLES = ("motor_position", "output_position")
-_LINE_UNITS = {"order": ("1/rev",), "phase": ("rad",)}
+_ANGLES = ("motor_position", "output_position", "time")
+_LINE_UNITS = {"order": ("1/rev", "Hz"), "phase": ("rad",)}
 _TERM_UNITS = ("rad", "N*m", "A")
 """What the amplitude of a line is given in: the unit of the equation in which it was found."""
 
@@ -93,7 +95,12 @@ def _effect(item: ModelEffect, model: Model) -> Iterator[Mistake]:
     if item.effect.startswith(("unnamed:", "ambiguous:")):
         effect = None if item.lines else named_effect(item.effect, item.parameters.keys())
         if effect is None and not item.lines:
-            rule = "must have lines, or the parameters of one of its effects"
+            values = {name: estimate.value for name, estimate in item.parameters.items()}
+            curve = curve_of(item.effect, item.enters, values.keys(), values)
+            if curve is not None:
+                yield from _curve(item, curve)
+                return
+            rule = "must have lines, or the parameters of one of its effects, or the knots and values of a curve"
             yield Mistake("parameters", ", ".join(item.parameters), rule)
             return
     else:
@@ -150,7 +157,11 @@ def _high(ranges: Mapping[str, Parameter], name: str) -> float:
 
 def _shape(item: ModelEffect, effect: Effect, model: Model) -> Iterator[Mistake]:
     members = item.effect.removeprefix("ambiguous:").split("|")
-    kinds = [ShapeClass(name) for name in members if name in CATALOGUE and CATALOGUE[name].enters is not Enters.BASE]
+    kinds = [
+        ShapeClass(CATALOGUE[name])
+        for name in members
+        if name in CATALOGUE and CATALOGUE[name].enters is not Enters.BASE
+    ]
     yield from _place(item, [(kind.enters, kind.variable) for kind in kinds])
     known = {p.name: p for p in effect.parameters}
     for name in item.parameters.keys() - known.keys():
@@ -166,6 +177,32 @@ def _shape(item: ModelEffect, effect: Effect, model: Model) -> Iterator[Mistake]
             yield from _outside(path, estimate.value, parameter.low, parameter.high, parameter.unit)
         elif parameter.known:
             yield from _contradiction(path, name, estimate.value, model)
+
+
+def _curve(item: ModelEffect, curve: Curve) -> Iterator[Mistake]:
+    """Give the mistakes of a shape without a name."""
+    if item.variable != curve.variable:
+        yield Mistake("variable", item.variable, f"must be '{curve.variable}' for {item.effect}")
+    if item.shape != curve.shape:
+        yield Mistake("shape", item.shape, f"must be '{curve.shape}' for {item.effect}")
+    known = {p.name: p for p in curve.parameters}
+    for name in item.parameters.keys() - known.keys():
+        yield Mistake(f"parameters.{name}", item.parameters[name].value, f"is none of {', '.join(known)}")
+    for name, parameter in known.items():
+        estimate = item.parameters.get(name)
+        if estimate is None:
+            yield Mistake(f"parameters.{name}", None, f"missing; such a curve has {', '.join(known)}")
+        elif estimate.unit != parameter.unit:
+            yield Mistake(f"parameters.{name}.unit", estimate.unit, f"must be {parameter.unit}")
+        else:
+            yield from _outside(f"parameters.{name}", estimate.value, -LARGEST, LARGEST, parameter.unit)
+    at = [item.parameters[name].value for name in known if name.startswith("at_") and name in item.parameters]
+    if curve.form is Form.CURVE and (len(at) < 2 or any(b <= a for a, b in itertools.pairwise(at))):
+        yield Mistake(
+            "parameters.at_1", at[0] if at else None, "the knots at_1, at_2, ... must be two or more, ascending"
+        )
+    if curve.form is not Form.CURVE and any(value <= 0.0 for value in at):
+        yield Mistake("parameters.at_1", min(at), "must be above 0: a radius, a time constant or an order")
 
 
 def _contradiction(path: str, name: str, value: float, model: Model) -> Iterator[Mistake]:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.loop.fitting.normal import Columns, Kind, LinearPiece, Noise, Normal, linearise, noise_of, normal_of, solve
+from rig.loop.model.curves import Curve
 from rig.loop.model.equations import FEWEST_SAMPLES, Piece
 from rig.loop.model.prediction import Model, predict
 from rig.loop.signals.tracks import pick_rows, thin_track
@@ -19,7 +20,7 @@ from sim_backend.errors import ModelError
 
 Floats = NDArray[np.float64]
 
-BLOCK = 2.0
+BLOCK = 0.5
 """s over which residuals are summed for tests and intervals; longer where the residual remembers longer."""
 
 COARSE = 3000
@@ -28,6 +29,10 @@ COARSE_PERIOD = 0.1
 
 POLISH = 3
 """Passes over all samples after a coarse fit."""
+
+RIDGE = 1e-4
+"""Share of its own information that every value of a curve has as a prior at zero: a part of it that one run alone
+holds, or none, must not run away."""
 
 CONVERGED = 0.01
 """Change of the weighted squares at which the fit stops: a tenth of a standard deviation of one parameter."""
@@ -171,7 +176,28 @@ def _state(pieces: Sequence[Piece], model: Model, columns: Columns, noise: dict[
         rows = [model.table.names.index(name) for name in columns.base]
         prior[: len(rows)] = model.table.prior_weight()[rows]
         pull[: len(rows)] = -prior[: len(rows)] * _deviation(model)[rows]
-    return Fit(model, columns, noise, tuple(linear), normal_of(linear), prior, pull, block, False)
+    normal = normal_of(linear)
+    for number, values in _curves(model):
+        place = columns.of_shape(number)
+        prior[place] = RIDGE * np.diag(normal.A.sum(axis=0))[place]
+        pull[place] = -prior[place] * values
+    return Fit(model, columns, noise, tuple(linear), normal, prior, pull, block, False)
+
+
+def _curves(model: Model) -> list[tuple[int, Floats]]:
+    """Give the shapes that are curves, by number, with their fitted values: their prior is at zero."""
+    return [
+        (number, np.array([term.values[k] for k in term.free]))
+        for number, term in enumerate(model.shapes)
+        if isinstance(term.effect, Curve)
+    ]
+
+
+def _prior_cost(model: Model, like: Fit) -> float:
+    """Give what the prior of a fit like `like` costs a model."""
+    rows = [model.table.names.index(name) for name in like.columns.base]
+    cost = float(like.prior[: len(rows)] @ _deviation(model)[rows] ** 2)
+    return cost + sum(float(like.prior[like.columns.of_shape(k)] @ values**2) for k, values in _curves(model))
 
 
 def _deviation(model: Model) -> Floats:
@@ -182,8 +208,7 @@ def _deviation(model: Model) -> Floats:
 
 
 def _cost(state: Fit) -> float:
-    rows = [state.model.table.names.index(name) for name in state.columns.base]
-    return state.squares + float(state.prior[: len(rows)] @ _deviation(state.model)[rows] ** 2)
+    return state.squares + _prior_cost(state.model, state)
 
 
 def _quick_cost(pieces: Sequence[Piece], model: Model, like: Fit) -> float:
@@ -197,8 +222,7 @@ def _quick_cost(pieces: Sequence[Piece], model: Model, like: Fit) -> float:
         if piece.demeaned:
             residual = residual - residual.mean()
         total += item.weight * float(residual @ residual)
-    rows = [model.table.names.index(name) for name in like.columns.base]
-    return total + float(like.prior[: len(rows)] @ _deviation(model)[rows] ** 2)
+    return total + _prior_cost(model, like)
 
 
 def _moved(model: Model, columns: Columns, step: Floats) -> Model:

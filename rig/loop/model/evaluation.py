@@ -1,20 +1,19 @@
 """How terms reach the prediction of a piece: what they add to angle, balances and friction, and how that shows."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.loop.model.curves import ANGLES, Curve
 from rig.loop.model.shapes import Place, ShapeTerm, addition, derivatives, place_of
 from rig.loop.model.terms import Derivative, Entry, LineValues, TermClass
 from sim_backend.model.effects import Effect
 
 Floats = NDArray[np.float64]
 Rows = NDArray[np.intp]
-
-ANGLES = ("motor_position", "output_position")
-"""Signals that a line may follow."""
 
 FLEXSPLINE_TORQUE = "flexspline_torque"
 """Name of the torque by which an angle error acts on the motor, beside the signals of the contract."""
@@ -55,8 +54,8 @@ class Evaluation:
 
     @property
     def positions(self) -> dict[str, Floats]:
-        """The angles that lines may use, by signal."""
-        return {name: self.signals[name] for name in ANGLES if name in self.signals}
+        """What lines may follow, by signal: the angles, and the time in turns of 2 pi a second."""
+        return with_time({name: self.signals[name] for name in ANGLES if name in self.signals}, self.signals["time"])
 
     @property
     def direction(self) -> Floats:
@@ -94,7 +93,7 @@ class Evaluation:
             return None
         return [self.shown(term.effect, value, rows) for value in added]
 
-    def shows(self, effect: Effect) -> bool:
+    def shows(self, effect: Effect | Curve) -> bool:
         """Whether the effect can change the prediction."""
         match place_of(effect):
             case Place.ANGLE:
@@ -106,15 +105,20 @@ class Evaluation:
             case Place.FRICTION:
                 return self.friction is not None
 
-    def shown(self, effect: Effect, added: Floats, rows: Rows) -> Floats:
+    def shown(self, effect: Effect | Curve, added: Floats, rows: Rows) -> Floats:
         """Give what an addition (n,) of an effect that shows does to the prediction at the samples `rows`, (m,)."""
         route = {Place.MOTOR: self.motor, Place.LOAD: self.load, Place.FRICTION: self.friction}.get(place_of(effect))
         return added[rows] / _gear_of(effect, self.ratio) if route is None else through(route, added, rows)
 
 
-def _gear_of(effect: Effect, ratio: float) -> float:
+def _gear_of(effect: Effect | Curve, ratio: float) -> float:
     """Give what an angle is divided by before it counts at the output."""
     return ratio if effect.reads == "motor_position" else 1.0
+
+
+def with_time(angles: Mapping[str, Floats], time: Floats) -> dict[str, Floats]:
+    """Give the angles and, beside them, the time (s) as an angle that turns once a second: an order is then in Hz."""
+    return {**angles, "time": 2.0 * math.pi * time}
 
 
 def angle_addition(entry: Entry, value: Floats, torque: Floats, ratio: float) -> Floats | None:

@@ -10,8 +10,13 @@ from dataclasses import replace
 import numpy as np
 
 from rig.config.dut import Dut, Rotation
-from rig.loop.model.shapes import ShapeTerm, addition
+from rig.loop.model.curves import Curve, mirrored
+from rig.loop.model.shapes import Place, ShapeTerm, addition, place_of
 from rig.loop.model.terms import Entry, Line
+from sim_backend.model.effects import Enters
+
+NEGATED = frozenset({"motor_position", "motor_velocity", "motor_torque", "motor_current"})
+"""Signals whose sign the frames turn."""
 
 
 def turned(line: Line, dut: Dut) -> Line:
@@ -35,6 +40,13 @@ def _turned_phase(line: Line) -> float:
 
 def turned_shape(term: ShapeTerm, dut: Dut) -> ShapeTerm:
     """Give an effect that is no line in the other frame: a constant in a negated torque changes its sign."""
+    if dut.gear.rotation is Rotation.SAME and isinstance(term.effect, Curve):
+        curve = term.effect
+        odd_factor = curve.factor in NEGATED and curve.enters is not Enters.FRICTION
+        added = odd_factor != (place_of(curve) is Place.MOTOR)
+        return ShapeTerm(*mirrored(curve, term.values, variable=curve.variable in NEGATED, added=added))
+    if isinstance(term.effect, Curve):
+        return term
     constant = term.effect.reads == "motor_torque" and term.effect.linear and "motor_current" not in term.effect.signals
     if dut.gear.rotation is not Rotation.SAME or not constant:
         return term

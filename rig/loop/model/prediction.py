@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from rig.log.run import ProcedureName
 from rig.loop.model.equations import Equation, Law, Piece
-from rig.loop.model.evaluation import FLEXSPLINE_TORQUE, Added, Evaluation, Route, through
+from rig.loop.model.evaluation import FLEXSPLINE_TORQUE, Added, Evaluation, Route, through, with_time
 from rig.loop.model.parameters import ParameterTable
 from rig.loop.model.shapes import SWEPT_TORQUE, ShapeTerm
 from rig.loop.model.terms import Entry, Line, line_values
@@ -114,10 +114,11 @@ def _ratio(model: Model) -> float:
 
 
 def _added(track: Track, model: Model, positions: Mapping[str, Floats]) -> Added:
+    followed = with_time(positions, track.time) if model.lines else positions
     lines = tuple(
-        (line.kind.entry, line_values(line, positions[line.kind.variable]))
+        (line.kind.entry, line_values(line, followed[line.kind.variable]))
         for line in model.lines
-        if line.kind.variable in positions
+        if line.kind.variable in followed
     )
     return Added(lines, model.shapes, track.step, model.ratio or 1.0)
 

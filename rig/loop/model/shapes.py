@@ -11,13 +11,14 @@ that the run recorded or the model predicts. Where it acts decides how the addit
 """
 
 import math
-from collections.abc import Mapping, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.loop.model.curves import Curve, basis
 from rig.loop.model.equations import Equation
 from rig.loop.model.terms import is_line
 from sim_backend.model.arrays import evaluate
@@ -45,38 +46,44 @@ class Place(StrEnum):
 class ShapeClass:
     """An effect as a kind of term, beside `TermClass`."""
 
-    effect: str
+    law: Effect | Curve
 
     @property
     def id(self) -> str:
         """The name in the result."""
-        return self.effect
+        return self.law.id
+
+    @property
+    def effect(self) -> str | None:
+        """The catalogue's id, None for a curve."""
+        return None if isinstance(self.law, Curve) else self.law.id
 
     @property
     def variable(self) -> str:
         """The signal that it follows."""
-        return CATALOGUE[self.effect].variable
+        return self.law.variable
 
     @property
     def shape(self) -> str:
         """How it follows it."""
-        return str(CATALOGUE[self.effect].shape)
+        return str(self.law.shape)
 
     @property
     def enters(self) -> str:
         """Where it acts, as the model file says it."""
-        effect = CATALOGUE[self.effect]
-        return f"{effect.enters} of {effect.reads}" if effect.reads else str(effect.enters)
+        if isinstance(self.law, Curve):
+            return self.law.place
+        return f"{self.law.enters} of {self.law.reads}" if self.law.reads else str(self.law.enters)
 
     @property
     def is_angle(self) -> bool:
         """Whether it is an angle, not a torque."""
-        return place_of(CATALOGUE[self.effect]) is Place.ANGLE
+        return place_of(self.law) is Place.ANGLE
 
     @property
     def equation(self) -> Equation:
         """The equation in which it shows first."""
-        effect = CATALOGUE[self.effect]
+        effect = self.law
         if effect.reads == "output_torque":
             return Equation.TORSION
         return {
@@ -89,9 +96,9 @@ class ShapeClass:
 
 @dataclass(frozen=True, slots=True)
 class ShapeTerm:
-    """An effect with the values of its parameters, in the order of `effect.parameters`."""
+    """An effect of the catalogue, or a curve, with its parameters' values in the order of `effect.parameters`."""
 
-    effect: Effect
+    effect: Effect | Curve
     values: tuple[float, ...]
 
     @property
@@ -102,7 +109,7 @@ class ShapeTerm:
     @property
     def kind(self) -> ShapeClass:
         """Its kind."""
-        return ShapeClass(self.effect.id)
+        return ShapeClass(self.effect)
 
     @property
     def frequencies(self) -> tuple[float, ...]:
@@ -155,7 +162,7 @@ def named_effect(name: str, parameters: Set[str]) -> Effect | None:
     return next((effect for effect in known if {p.name for p in effect.parameters} == parameters), None)
 
 
-def place_of(effect: Effect) -> Place:
+def place_of(effect: Effect | Curve) -> Place:
     """Give where the effect's addition reaches the equations."""
     if effect.enters is Enters.READING:
         return {"motor_torque": Place.MOTOR, "output_torque": Place.LOAD}.get(effect.reads, Place.ANGLE)
@@ -171,6 +178,9 @@ def addition(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> Flo
     """Give what the term adds, shape (n,), in its unit; None where a signal it takes was not recorded."""
     if any(name not in signals for name in term.effect.signals):
         return None
+    if isinstance(term.effect, Curve):
+        fitted = np.array([term.values[k] for k in term.free])
+        return np.asarray(basis(term.effect, term.values[: term.effect.knots], signals, step) @ fitted)
     return _ringing(term, signals, step) if term.rings else evaluate(term.effect, signals, term.values, step=step)
 
 
@@ -179,7 +189,7 @@ def _ringing(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> Flo
 
     Noise would set it ringing too, and samples averaged before would bend where the torque has a corner.
     """
-    if SWEPT_TORQUE not in signals:
+    if SWEPT_TORQUE not in signals or isinstance(term.effect, Curve):
         return None
     fast = signals[SWEPT_TORQUE]
     fine = fast.size // signals["output_torque"].size
@@ -189,6 +199,8 @@ def _ringing(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> Flo
 
 def derivatives(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> list[Floats] | None:
     """Give the derivative of the addition by every free parameter, each (n,), in the scale of the fit."""
+    if isinstance(term.effect, Curve):
+        return unit_columns(term.effect, term.values, signals, step)
     found = []
     for k in term.free:
         parameter = term.effect.parameters[k]
@@ -198,6 +210,15 @@ def derivatives(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> 
             return None
         found.append((up - down) / (2.0 * width) * (term.values[k] if term.is_logarithmic(k) else 1.0))
     return found
+
+
+def unit_columns(
+    curve: Curve, values: Sequence[float], signals: Mapping[str, Floats], step: float
+) -> list[Floats] | None:
+    """Give what each fitted value of a curve adds at size 1, each (n,); None where a signal was not recorded."""
+    if any(name not in signals for name in curve.signals):
+        return None
+    return list(basis(curve, values[: curve.knots], signals, step).T)
 
 
 def _with(term: ShapeTerm, k: int, value: float) -> ShapeTerm:

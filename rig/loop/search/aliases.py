@@ -48,8 +48,10 @@ class Sampling:
 
 
 def samplings(items: Sequence[LinearPiece], variable: str) -> tuple[Sampling, ...]:
-    """Give the sampling of every turning leg that has this angle."""
-    found = []
+    """Give the sampling of every turning leg that has this angle; of the time none."""
+    found: list[Sampling] = []
+    if variable == "time":
+        return ()
     for item in items:
         position = item.evaluation.positions.get(variable)
         if position is None or not item.piece.track.moves:

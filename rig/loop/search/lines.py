@@ -79,7 +79,8 @@ def scan(items: Sequence[LinearPiece], variable: str, *, against_motion: bool = 
     moving = steps[steps > 0]
     finest = float(np.percentile(moving, 25)) if moving.size else travel
     sampled = 0.45 * 2.0 * np.pi / finest
-    highest = min(HIGHEST_ORDER, sampled if one_speed(items) else max(USUAL_HIGHEST_ORDER, sampled))
+    alone = variable == "time" or one_speed(items)
+    highest = min(HIGHEST_ORDER, sampled if alone else max(USUAL_HIGHEST_ORDER, sampled))
     width = max(2.0 * np.pi / (BINS_A_CYCLE * highest), travel / MOST_BINS)
     bins = np.minimum((angle - low) / width, MOST_BINS).astype(np.int64)
     summed = np.bincount(bins, weights=value)

@@ -22,6 +22,12 @@ PEAKS_BY_POWER = 3
 MOST_MODULATIONS = 6.0
 """Cycles of the stiffness per motor turn that are looked for."""
 
+LOWEST_FREQUENCY, FEWEST_PERIODS = 0.3, 5.0
+"""Hz above which a line over the time is looked for, and its periods in the longest run at least: what is slower may
+be anything that a sweep does in time."""
+
+_BALANCE = {Equation.TORSION: Entry.ANGLE_ONLY, Equation.OUTPUT_TORQUE: Entry.OUTPUT}
+
 SUBDIVISION = "encoder-subdivision-error"
 LEAST_LINES = 16
 """Lines a turn that an encoder has at least."""
@@ -67,6 +73,12 @@ def propose(ground: Ground, known: Mapping[str, float]) -> tuple[list[Proposal],
                 if equation is Equation.TORSION and variable == "motor_position" and ratio is not None:
                     classes += _subdivisions(peak.order * ratio, spectrum.resolution * ratio, counts, effects)
                 found += [replace(proposal, height=peak.height) for proposal in classes]
+        hum = scan(items, "time")
+        if hum is not None:
+            tests += hum.tests
+            slowest = max(LOWEST_FREQUENCY, FEWEST_PERIODS * hum.resolution)
+            over_time = TermClass(None, _BALANCE.get(equation, Entry.MOTOR), "time")
+            found += [Proposal(over_time, p.order, hum.resolution, p.height) for p in _tops(hum) if p.order > slowest]
     fixed = [Proposal(effect, effect.fixed_order, 0.0) for effect in effects if effect.fixed_order is not None]
     return found + fixed, 2.0 * max(tests, 1.0), 2.0 * max(len(fixed), 1)
 
@@ -163,6 +175,8 @@ def _subdivisions(
 
 def same_place(ratio: float, one: Proposal, other: Proposal) -> bool:
     """Whether two proposals are about the same line, be it of the motor or of the output angle; `ratio` of the gear."""
+    if (one.kind.variable == "time") != (other.kind.variable == "time"):
+        return False
     a, b = ((p.order * (1.0 if p.kind.variable == "motor_position" else 1.0 / ratio)) for p in (one, other))
     width = max(p.resolution * (1.0 if p.kind.variable == "motor_position" else 1.0 / ratio) for p in (one, other))
     return abs(a - b) <= 1.5 * width

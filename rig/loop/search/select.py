@@ -14,40 +14,42 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rig.loop.fitting.fit import Fit, refit, with_noise
+from rig.loop.model.curves import Curve
 from rig.loop.model.equations import Equation, Piece
 from rig.loop.model.evaluation import angle_addition
 from rig.loop.model.shapes import ShapeClass
 from rig.loop.model.terms import Entry, Line, TermClass
 from rig.loop.result import Candidate, Verdict
+from rig.loop.search.acceptance import (
+    BEST_SHARE,
+    LARGE_SHARE,
+    LEAST_SHAPE_SHARE,
+    LEAST_SHARE,
+    MOST_CLASSES,
+    NOT_EVERYWHERE,
+    objection,
+    pays_jointly,
+    unpaid_by,
+)
 from rig.loop.search.aliases import aliases, beats, counts_pass, likeliest, samplings, small_beats
 from rig.loop.search.compliance_form import other_compliance
 from rig.loop.search.contenders import by_joint_fit
 from rig.loop.search.lines import USUAL_HIGHEST_ORDER, refine
 from rig.loop.search.proposals import Proposal, propose, same_place
-from rig.loop.search.shape_trials import ShapeTrial, scales_of, shape_trials, trial_columns
+from rig.loop.search.shape_trials import Scales, ShapeTrial, scales_of, shape_trials, trial_columns
 from rig.loop.search.trial import Ground, Trial, consistent, consistent_shape, line_gain, prepare, try_columns, try_line
+from rig.loop.search.unknown import best_curve, better_curve, still_needed
 from rig.loop.search.withdraw import withdraw
 from sim_backend.model.effects import Enters
-
-LEAST_SHARE = 0.01
-"""Share of an equation's squares below which a line is detected but not worth adding."""
-
-LEAST_SHAPE_SHARE = 0.03
-"""The same for an effect that is no line: a smoothed torque leaves a per cent of what follows it."""
 
 STANDS_OUT = 30.0
 """Power over the median of the neighbourhood of a line that is looked at however little it explains."""
 
-LARGE_SHARE = 0.1
-"""Share of an equation's squares that is looked at again with shorter blocks: a slow, strong line looks like memory."""
-
-LEAST_IMPROVED = 0.6
-"""Share of the runs carrying the term that must be predicted better from the others."""
-
-BEST_SHARE = 0.95
 SET_SHARE = 0.9
-MOST_CLASSES = 3
 MOST_LINES = 16
+MOST_TOLD = 8
+"""Curves that are told as candidates."""
+
 QUOTIENT = ("torque-constant-error", "torque-sensor-gain")
 """What base parameters take up, each its own: only that the two torques do not agree shows, never which is wrong."""
 
@@ -65,8 +67,6 @@ LEAST_START_ANGLES = 4
 
 COUNTS = {"motor_position": "encoder_counts", "output_position": "output_encoder_counts"}
 """Which of the device's parameters holds the counts per revolution of an angle."""
-
-NOT_EVERYWHERE = "it does not show under every condition that should show it"
 
 TWINS: dict[str, str] = {
     "kinematic-error": "motor-encoder-eccentricity",
@@ -178,9 +178,46 @@ def select(
             decisions.append(decision)
     on_stage("judging whether what was added must stay")
     current = withdraw(pieces, current, alpha)
+    on_stage("trying shapes without a name on what is left")
+    current, decisions = _unnamed(pieces, current, decisions, alpha, _scales(prepare(current), known))
     kept: set[TermClass | ShapeClass] = {line.kind for line in current.model.lines}
     kept |= {term.kind for term in current.model.shapes}
     return Selection(current, tuple(d for d in decisions if d.kind in kept), tuple(unadded.values()), left)
+
+
+def _unnamed(
+    pieces: Sequence[Piece], current: Fit, decisions: list[Decision], alpha: float, scales: Scales
+) -> tuple[Fit, list[Decision]]:
+    """Put shapes without a name where they explain more than the effects that were added, or beside them."""
+    decisions = list(decisions)
+    for term in current.model.shapes:
+        better = better_curve(pieces, current, term, scales)
+        if better is not None and all(better.term.kind != other.kind for other in decisions):
+            shapes = tuple(better.term if x.kind == term.kind else x for x in current.model.shapes)
+            current = refit(pieces, current, replace(current.model, shapes=shapes))
+            place = next(k for k, decision in enumerate(decisions) if decision.kind == term.kind)
+            decisions[place] = _of_curve(better, min(1.0, better.trial.single_p * better.tests), [better])
+    while len({decision.kind for decision in decisions}) <= MOST_CLASSES:
+        found = best_curve(pieces, prepare(current), scales, alpha)
+        if found is None:
+            break
+        best, current, p_value, tried = found
+        decisions.append(_of_curve(best, p_value, tried))
+    if any(isinstance(term.effect, Curve) for term in current.model.shapes):
+        for term in [x for x in current.model.shapes if not isinstance(x.effect, Curve)]:
+            here = next(x for x in current.model.shapes if x.kind == term.kind)
+            if not still_needed(pieces, current, here, alpha):
+                shapes = tuple(x for x in current.model.shapes if x is not here)
+                current = refit(pieces, current, replace(current.model, shapes=shapes))
+    return current, decisions
+
+
+def _of_curve(best: ShapeTrial, p_value: float, tried: Sequence[ShapeTrial]) -> Decision:
+    near = tuple(
+        Candidate(f"{x.term.effect.id}, {x.term.kind.enters}", x.trial.gain, min(1.0, x.trial.single_p * x.tests))
+        for x in tried[:MOST_TOLD]
+    )
+    return Decision(best.term.kind, Verdict.UNNAMED, (), near, p_value)
 
 
 def _round(
@@ -211,8 +248,7 @@ def _round(
 
 def _shapes(ground: Ground, known: Mapping[str, float], least: float) -> list[ShapeTrial]:
     """Give how every effect that is no line explains what is left, best first."""
-    stiffness = ground.fit.model.table.entries[0].centre
-    scales = scales_of(ground.fit.linear, {**known, "stiffness": stiffness})
+    scales = _scales(ground, known)
     counts = {signal: known[name] for signal, name in COUNTS.items() if name in known}
     swept = [item for item in ground.fit.linear if item.piece.equation is Equation.TORSION]
     return [
@@ -221,6 +257,11 @@ def _shapes(ground: Ground, known: Mapping[str, float], least: float) -> list[Sh
         if not any(counts_pass(frequency, swept, counts) for frequency in item.term.frequencies)
         and not _is_slight(item)
     ]
+
+
+def _scales(ground: Ground, known: Mapping[str, float]) -> Scales:
+    stiffness = ground.fit.model.table.entries[0].centre
+    return scales_of(ground.fit.linear, {**known, "stiffness": stiffness})
 
 
 def _is_slight(item: ShapeTrial) -> bool:
@@ -257,7 +298,7 @@ def _judge_shape(
 
     kinds = {decision.kind for decision in decisions}
     room = term.kind in kinds or len(kinds) < MOST_CLASSES
-    why, unpaid = _objection(trial.share, LEAST_SHAPE_SHARE, room=room), _unpaid(trial)
+    why, unpaid = objection(trial.share, LEAST_SHAPE_SHARE, room=room), unpaid_by(trial)
     if why or (unpaid and not large):
         return unadded(why or unpaid)
     inner = NESTED.get(term.effect.id, ())
@@ -278,7 +319,7 @@ def _judge_shape(
     p_value = min(1.0, 2.0 * min(p_value, second.single_p * candidate.tests))
     if p_value > alpha:
         return None
-    if unpaid and not _pays_jointly(ground.fit, joint):
+    if unpaid and not pays_jointly(ground.fit, joint):
         return unadded(unpaid)
     if not consistent_shape(joint, len(joint.model.shapes) - 1):
         return unadded(NOT_EVERYWHERE)
@@ -355,7 +396,7 @@ def _judge(
     # what bends an angle shows in the angle, not only in the torque by which it acts back on the motor
     share = trial.share_of(Equation.TORSION) if proposal.kind.is_angle else trial.share
     room = proposal.kind in kinds or len(kinds) < MOST_CLASSES
-    why, unpaid = _objection(share, LEAST_SHARE, room=room), _unpaid(trial)
+    why, unpaid = objection(share, LEAST_SHARE, room=room), unpaid_by(trial)
     legs = samplings(ground.fit.linear, proposal.kind.variable)
     if (
         not why
@@ -397,38 +438,11 @@ def _second_look(ground: Ground, joint: Fit, candidate: _Candidate) -> float:
 
 def _joint_objection(ground: Ground, joint: Fit, unpaid: str, resolution: float) -> str:
     """Say why the last line of a joint refit is not added; empty if it is."""
-    if unpaid and not _pays_jointly(ground.fit, joint):
+    if unpaid and not pays_jointly(ground.fit, joint):
         return unpaid
     if not consistent(joint, len(joint.model.lines) - 1):
         return NOT_EVERYWHERE
     return "it cannot be told from a line that is there already" if _crowded(joint, resolution) else ""
-
-
-def _objection(share: float, least: float, *, room: bool) -> str:
-    """Say why a significant term is not added, whatever the other runs say; empty if it may be.
-
-    `share`: of the squares that it explains; `least`: below which it is not worth adding.
-    """
-    if not room:
-        return f"more than {MOST_CLASSES} different terms"
-    if share < least:
-        return f"it explains {100 * share:.2g} % of the squares, less than {100 * least:.0f} %"
-    return ""
-
-
-def _unpaid(trial: Trial) -> str:
-    """Say that a line does not pay when runs are left out; empty if it does."""
-    if trial.improved < LEAST_IMPROVED:
-        return f"it improves {100 * trial.improved:.0f} % of the runs when they are left out"
-    return "it makes the runs worse when they are left out, taken together" if trial.pays <= 0.0 else ""
-
-
-def _pays_jointly(before: Fit, joint: Fit) -> bool:
-    """Whether a refitted line pays in leave-one-run-out, both sides weighted alike."""
-    null = with_noise(before, joint.noise)
-    without = null.normal.leave_one_out(null.prior, null.pull)
-    left = joint.normal.leave_one_out(joint.prior, joint.pull)
-    return bool(left.sum() < without.sum() and np.mean(left < without) >= LEAST_IMPROVED)
 
 
 def _crowded(joint: Fit, resolution: float) -> bool:

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.loop.fitting.normal import LinearPiece
-from rig.loop.model.shapes import ShapeTerm, addition, catalogue_shapes
+from rig.loop.model.curves import Curve
+from rig.loop.model.shapes import ShapeTerm, addition, catalogue_shapes, unit_columns
 from rig.loop.search.trial import Ground, Trial, columns_gain, try_columns
 from sim_backend.model.effects import Effect
 
@@ -81,9 +82,9 @@ def shape_trials(ground: Ground, scales: Scales, least: float) -> list[ShapeTria
             continue
         tuned = _refined(ground, term) if gain >= REFINED * most else term
         trial = try_columns(ground, term.effect.id, trial_columns(ground, tuned))
-        sized = _sized(tuned, trial.amplitudes)
-        if trial.gain > 0.0 and sized is not None:
-            found.append(ShapeTrial(sized, trial, tests))
+        sized_term = sized(tuned, trial.amplitudes)
+        if trial.gain > 0.0 and sized_term is not None:
+            found.append(ShapeTrial(sized_term, trial, tests))
     return sorted(found, key=lambda item: -item.trial.gain)
 
 
@@ -106,7 +107,12 @@ def _piece_columns(item: LinearPiece, term: ShapeTerm) -> Floats | None:
     evaluation, step = item.evaluation, item.piece.track.step
     if not evaluation.shows(term.effect):
         return None
-    columns = []
+    columns: list[Floats] = []
+    if isinstance(term.effect, Curve):
+        units = unit_columns(term.effect, term.values, evaluation.signals, step)
+        columns = [evaluation.shown(term.effect, one, item.piece.index) for one in units or ()]
+        if not columns:
+            return None
     for unit, size in _units(term):
         added = addition(unit, evaluation.signals, step)
         if added is None:
@@ -117,7 +123,12 @@ def _piece_columns(item: LinearPiece, term: ShapeTerm) -> Floats | None:
 
 
 def _units(term: ShapeTerm) -> list[tuple[ShapeTerm, float]]:
-    """Give the term with one amplitude at a time, and by what its addition is divided to be that of amplitude 1."""
+    """Give the term with one amplitude at a time, and by what its addition is divided to be that of amplitude 1.
+
+    Of a curve none: its columns are computed at once.
+    """
+    if isinstance(term.effect, Curve):
+        return []
     names = [p.name for p in term.effect.parameters]
     found = []
     for name in term.effect.amplitudes:
@@ -130,7 +141,7 @@ def _units(term: ShapeTerm) -> list[tuple[ShapeTerm, float]]:
     return found
 
 
-def _sized(term: ShapeTerm, amplitudes: Floats) -> ShapeTerm | None:
+def sized(term: ShapeTerm, amplitudes: Floats) -> ShapeTerm | None:
     """Give the term with these amplitudes; None if no device has them."""
     values = dict(zip((p.name for p in term.effect.parameters), term.values, strict=True))
     for name, value in zip(term.effect.amplitudes, amplitudes.tolist(), strict=True):

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from rig.log.run import ProcedureName
 from rig.loop.fitting.fit import Fit
 from rig.loop.fitting.normal import LinearPiece, solve
 from rig.loop.model.equations import Equation
@@ -42,7 +43,6 @@ LEAST_EXPECTED = 10.0
 PHASES, MOST_PHASES = 8, 6
 """Parts into which a line's period is divided, and how many of them a condition must have seen to have a say."""
 
-
 _Condition = tuple[Equation, str]
 
 
@@ -51,8 +51,9 @@ class Trial:
     """One candidate on top of a fit.
 
     `gain`: reduction of the weighted squares. `statistic`: T**2 with `columns` degrees of freedom. `amplitudes` (k,).
-    `shares`: relative reduction of the squares of every equation. `improved`: share of the runs that carry the
-    term which are better predicted from the others with it; `pays`: relative reduction of the squares left out.
+    `shares`: relative reduction of the squares of every equation, in the procedure where it is largest. `improved`:
+    share of the runs that carry the term which are better predicted from the others with it; `pays`: relative reduction
+    of the squares left out.
     """
 
     label: str
@@ -117,8 +118,12 @@ def acts(item: LinearPiece, kind: TermClass) -> bool:
     return (evaluation.load if entry.equation is Equation.OUTPUT_TORQUE else evaluation.motor) is not None
 
 
-def try_columns(ground: Ground, label: str, columns: Sequence[Floats | None]) -> Trial:
-    """Score a candidate given by its columns (m, k) in every piece of the fit (None: it does not act there)."""
+def try_columns(ground: Ground, label: str, columns: Sequence[Floats | None], *, ridge: float = 0.0) -> Trial:
+    """Score a candidate given by its columns (m, k) in every piece of the fit (None: it does not act there).
+
+    `ridge`: share of its own information that each column has as a prior at zero when runs are left out: the run that
+    is left out may be the only one to hold a part of a curve.
+    """
     fit = ground.fit
     size = next((c.shape[1] for c in columns if c is not None), 0)
     if size == 0:
@@ -149,7 +154,7 @@ def try_columns(ground: Ground, label: str, columns: Sequence[Floats | None]) ->
     summed = blocks.sum(axis=0)
     statistic = float(summed @ solve(blocks.T @ blocks, summed))
     shares, carrying = _where(ground, columns, projector, amplitudes)
-    left, without = _leave_out(fit, cross, own, pull)
+    left, without = _leave_out(fit, cross, own, pull, ridge * np.diag(own.sum(axis=0)))
     total = float(without[carrying].sum())
     return Trial(
         label=label,
@@ -170,21 +175,27 @@ def _nothing(label: str, size: int) -> Trial:
 def _where(
     ground: Ground, columns: Sequence[Floats | None], projector: Floats, amplitudes: Floats
 ) -> tuple[dict[Equation, float], NDArray[np.bool_]]:
-    """Give the share of every equation's squares that is explained, and which runs carry the term."""
+    """Give the share of every equation's squares that is explained, and which runs carry the term.
+
+    The share is that of the procedure in which it is largest: what acts in one need not hide behind the others.
+    """
     fit = ground.fit
     expected_run = np.zeros(len(fit.normal.runs))
-    by_equation: dict[Equation, list[float]] = {}
+    by_procedure: dict[tuple[Equation, ProcedureName], list[float]] = {}
     for item, column in zip(fit.linear, columns, strict=True):
         explained = -(item.jacobian @ (projector.T @ amplitudes))
         if column is not None:
             explained = explained + column @ amplitudes
         expected = item.weight * float(explained @ explained)
         expected_run[fit.normal.runs.index(item.piece.track.name)] += expected
-        equation = by_equation.setdefault(item.piece.equation, [0.0, 0.0])
-        equation[0] += 2.0 * item.weight * float(explained @ item.residual) - expected
-        equation[1] += item.weight * float(item.residual @ item.residual)
+        sums = by_procedure.setdefault((item.piece.equation, item.piece.track.procedure), [0.0, 0.0])
+        sums[0] += 2.0 * item.weight * float(explained @ item.residual) - expected
+        sums[1] += item.weight * float(item.residual @ item.residual)
     total = float(expected_run.sum())
-    shares = {name: float(actual / squares) for name, (actual, squares) in by_equation.items() if squares > 0}
+    shares: dict[Equation, float] = {}
+    for (equation, _), (actual, squares) in by_procedure.items():
+        if squares > 0:
+            shares[equation] = max(shares.get(equation, -math.inf), actual / squares)
     return shares, expected_run >= 0.2 * total / expected_run.size
 
 
@@ -251,7 +262,7 @@ def _conditions(item: LinearPiece) -> Iterator[tuple[_Condition, NDArray[np.bool
         yield (equation, f"{track.procedure.value} {number}"), band == number
 
 
-def _leave_out(fit: Fit, cross: Floats, own: Floats, pull: Floats) -> tuple[Floats, Floats]:
+def _leave_out(fit: Fit, cross: Floats, own: Floats, pull: Floats, ridge: Floats) -> tuple[Floats, Floats]:
     normal = fit.normal
     p, k = fit.columns.size, own.shape[1]
     A = np.zeros((len(normal.runs), p + k, p + k))
@@ -259,7 +270,7 @@ def _leave_out(fit: Fit, cross: Floats, own: Floats, pull: Floats) -> tuple[Floa
     A[:, p:, :p], A[:, :p, p:] = cross, np.swapaxes(cross, 1, 2)
     g = np.concatenate([normal.g, pull], axis=1)
     joint = type(normal)(normal.runs, A, g, normal.squares)
-    prior, slope = np.concatenate([fit.prior, np.zeros(k)]), np.concatenate([fit.pull, np.zeros(k)])
+    prior, slope = np.concatenate([fit.prior, ridge]), np.concatenate([fit.pull, np.zeros(k)])
     return joint.leave_one_out(prior, slope), normal.leave_one_out(fit.prior, fit.pull)
 
 

@@ -58,8 +58,8 @@ MOVES = 1.0
 HELD_SPEED = 0.3
 """rad/s at the motor; slower sweeps from hold to hold are held still."""
 
-TEMPERATURES = ("temperature", "motor_temperature")
-"""Signals beside angles and torques that terms may use."""
+CONDITIONS = ("temperature", "motor_temperature", "bus_voltage", "supply_voltage")
+"""Signals of the contract beside angles and torques that terms may use, as they may any further one of a log."""
 
 SATURATED = 1 << 11
 """Bit `internal limit active` of the CiA 402 status word."""
@@ -78,8 +78,8 @@ class Track:
     `ripple`: how the rotor of a free run moves about its constant speed. `speed`: rad/s of the leg at the motor (at
     the output if only that is known), 0 outside legs; `acceleration`: rad/s^2 of the same shaft;
     `direction`: sign of the smoothed speed. `usable`: neither missing nor saturated; `steady`: inside a leg. `moves`:
-    the run turns, so that its measured angle is far larger than any torsion. `auxiliary`: temperatures by name, degC;
-    `torque_constant`: N*m/A of the device, None if unknown.
+    the run turns, so that its measured angle is far larger than any torsion. `auxiliary`: temperatures, voltages and
+    further signals by name; `torque_constant`: N*m/A of the device, None if unknown.
     """
 
     name: str
@@ -261,11 +261,11 @@ def pick_rows(track: Track, rows: NDArray[np.intp]) -> Track:
 
 
 def _auxiliary(run: Run) -> dict[str, Floats]:
-    """Give the temperatures; where one is missing for a while, it is taken from its neighbours in time."""
+    """Give what no equation predicts; where a value is missing for a while, it is taken from its neighbours in time."""
     found = {}
-    for name in TEMPERATURES:
-        values = run.signals.get(name)
-        if values is not None and np.isfinite(values).any():
+    conditions = {name: run.signals[name] for name in CONDITIONS if name in run.signals}
+    for name, values in {**run.auxiliary, **conditions}.items():
+        if np.isfinite(values).any():
             good = np.isfinite(values)
             found[name] = np.interp(run.time, run.time[good], values[good])
     return found

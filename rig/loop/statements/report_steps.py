@@ -41,7 +41,7 @@ def steps_of(
             shown = turned(line, dut)
             suffix = "" if rank == 1 else f"_{rank}"
             columns = spread[final.columns.of_line(number), final.columns.of_line(number)]
-            estimates = line_estimates(line, shown, columns, factor, equation.unit, *_index_error(final, line, dut))
+            estimates = line_estimates(line, shown, columns, factor, equation.unit, _index_error(final, line, dut))
             parameters |= {name + suffix: value for name, value in estimates.items()}
             lines.append(LineResult(line.order, line.amplitude, wrapped(shown.phase)))
         for number, term in enumerate(final.model.shapes):
@@ -86,6 +86,8 @@ def _index_error(final: Fit, line: Line, dut: Dut) -> tuple[float, float]:
     Where in its count a shaft stands is unknown and common to all runs; in which count a run's zero was found is not,
     and tilts the order over the spread of the angles.
     """
+    if line.kind.variable == "time":
+        return 0.0, 0.0
     counts = dut.motor.encoder_counts if line.kind.variable == "motor_position" else dut.output.encoder_counts
     angles = {item.piece.track.name: item.evaluation.positions.get(line.kind.variable) for item in final.linear}
     known = [angle for angle in angles.values() if angle is not None]
@@ -97,9 +99,13 @@ def _index_error(final: Fit, line: Line, dut: Dut) -> tuple[float, float]:
 
 
 def line_estimates(
-    line: Line, shown: Line, columns: Floats, factor: float, unit: str, phase_error: float, order_error: float
+    line: Line, shown: Line, columns: Floats, factor: float, unit: str, index: tuple[float, float]
 ) -> dict[str, Estimate]:
-    """Give amplitude, order (unless fixed) and phase with intervals from the covariance (2, 2) or (3, 3)."""
+    """Give amplitude, order (unless fixed) and phase with intervals from the covariance (2, 2) or (3, 3).
+
+    `index`: standard deviations of phase (rad) and order that an angle known to one count only adds.
+    """
+    phase_error, order_error = index
     size = max(line.amplitude, 1e-300)
     by_amplitude = np.zeros(columns.shape[0])
     by_phase = np.zeros(columns.shape[0])
@@ -111,9 +117,14 @@ def line_estimates(
     found = {"amplitude": Estimate(line.amplitude, (line.amplitude - half, line.amplitude + half), unit)}
     if columns.shape[0] == 3:
         wide = factor * math.sqrt(max(float(columns[2, 2]), 0.0) + order_error**2)
-        found["order"] = Estimate(line.order, (line.order - wide, line.order + wide), "1/rev")
+        found["order"] = Estimate(line.order, (line.order - wide, line.order + wide), order_unit(line))
     found["phase"] = Estimate(phase, (phase - turn, phase + turn), "rad")
     return found
+
+
+def order_unit(line: Line) -> str:
+    """Give the unit of a line's order."""
+    return "Hz" if line.kind.variable == "time" else "1/rev"
 
 
 def shape_estimates(term: ShapeTerm, columns: Floats, factor: float) -> dict[str, Estimate]:

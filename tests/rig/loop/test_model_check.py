@@ -57,7 +57,7 @@ def line_effect(name: str, **changes: Any) -> ModelEffect:
 
 def shape_effect(name: str, parameters: dict[str, ModelEstimate] | None = None, **changes: Any) -> ModelEffect:
     """An effect that is no line as the loop writes it."""
-    kind = ShapeClass(name)
+    kind = ShapeClass(CATALOGUE[name])
     own = {"encoder_counts": 16384.0, "ratio": 100.0, "torque_constant": 0.321}
     typical = {p.name: ModelEstimate(value=own.get(p.name, p.typical), unit=p.unit) for p in CATALOGUE[name].parameters}
     fields = {"effect": name, "enters": kind.enters, "variable": kind.variable, "shape": kind.shape}

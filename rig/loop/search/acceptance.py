@@ -1,0 +1,56 @@
+"""What a significant term must fulfil besides before it is added; training runs only."""
+
+import numpy as np
+
+from rig.loop.fitting.fit import Fit, with_noise
+from rig.loop.search.trial import Trial
+
+LEAST_SHARE = 0.01
+"""Share of an equation's squares below which a line is detected but not worth adding."""
+
+LEAST_SHAPE_SHARE = 0.03
+"""The same for an effect that is no line: a smoothed torque leaves a per cent of what follows it."""
+
+LEAST_CURVE_SHARE = 0.1
+"""The same for a shape without a name, which bends to whatever a law leaves."""
+
+LARGE_SHARE = 0.1
+"""Share of an equation's squares that is looked at again with shorter blocks: a slow, strong line looks like memory."""
+
+LEAST_IMPROVED = 0.6
+"""Share of the runs carrying the term that must be predicted better from the others."""
+
+MOST_CLASSES = 3
+"""Different terms that are added at most."""
+
+BEST_SHARE = 0.95
+"""Share of the best gain with which a name of the catalogue wins."""
+
+NOT_EVERYWHERE = "it does not show under every condition that should show it"
+
+
+def objection(share: float, least: float, *, room: bool) -> str:
+    """Say why a significant term is not added, whatever the other runs say; empty if it may be.
+
+    `share`: of the squares that it explains; `least`: below which it is not worth adding.
+    """
+    if not room:
+        return f"more than {MOST_CLASSES} different terms"
+    if share < least:
+        return f"it explains {100 * share:.2g} % of the squares, less than {100 * least:.0f} %"
+    return ""
+
+
+def unpaid_by(trial: Trial) -> str:
+    """Say that a line does not pay when runs are left out; empty if it does."""
+    if trial.improved < LEAST_IMPROVED:
+        return f"it improves {100 * trial.improved:.0f} % of the runs when they are left out"
+    return "it makes the runs worse when they are left out, taken together" if trial.pays <= 0.0 else ""
+
+
+def pays_jointly(before: Fit, joint: Fit) -> bool:
+    """Whether a refitted line pays in leave-one-run-out, both sides weighted alike."""
+    null = with_noise(before, joint.noise)
+    without = null.normal.leave_one_out(null.prior, null.pull)
+    left = joint.normal.leave_one_out(joint.prior, joint.pull)
+    return bool(left.sum() < without.sum() and np.mean(left < without) >= LEAST_IMPROVED)

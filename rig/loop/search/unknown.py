@@ -1,0 +1,234 @@
+"""The unknown route: shapes without a formula, of every signal that was recorded.
+
+A curve takes the place of an effect of the catalogue, or joins those that were found, only where it explains more: the
+catalogue wins with 95 % of the best gain. What it becomes in the result is `unnamed`, with its variable and shape.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.loop.fitting.fit import RIDGE, Fit, fit, refit, with_noise
+from rig.loop.model.curves import ANGLES, WITHOUT_KNOTS, Curve, Form, tents, zero_of
+from rig.loop.model.equations import Piece
+from rig.loop.model.evaluation import FLEXSPLINE_TORQUE
+from rig.loop.model.shapes import SWEPT_TORQUE, ShapeTerm
+from rig.loop.search.acceptance import (
+    BEST_SHARE,
+    LARGE_SHARE,
+    LEAST_CURVE_SHARE,
+    LEAST_SHAPE_SHARE,
+    objection,
+    pays_jointly,
+    unpaid_by,
+)
+from rig.loop.search.contenders import by_joint_fit
+from rig.loop.search.shape_trials import Scales, ShapeTrial, sized, trial_columns
+from rig.loop.search.trial import Ground, consistent_shape, prepare, try_columns
+from sim_backend.model.effects import Enters
+
+Floats = NDArray[np.float64]
+
+KNOTS = (9, 25)
+"""Knots of a curve over a torque, for what is wide and what is narrow;"""
+FEW_KNOTS = (2, 5)
+"""over anything else, which moves less."""
+
+SPEEDS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+LEAST_STEP = 0.1
+"""Knots over a speed, on either side of zero, as quantiles of what is there: elsewhere nothing would hold one; and
+relative distance of neighbours at least."""
+
+RADII = (0.03, 0.08, 0.18, 0.4, 0.7)
+"""Radii of plays, relative to the largest value of the variable."""
+
+MOST_SAMPLES, FEWEST_AT_A_KNOT = 1000, 8
+"""Samples of a piece that knots are laid by, and how many of all must be near one."""
+
+LEAST_TRAVEL = 1e-9
+"""Relative travel below which a signal is constant."""
+
+ONE_LAG = tuple(0.05 * 2.0**k for k in range(13))
+"""s; every one is tried alone, and every third of them together."""
+
+WAVES = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+"""Orders of the motor's angle at which a line that grows with the torque otherwise than in proportion is tried."""
+
+INTERNAL = frozenset(
+    {FLEXSPLINE_TORQUE, SWEPT_TORQUE, "direction", "locked", "flexspline_torsion", "base_friction", "motor_current"}
+)
+MODELLED = frozenset({*ANGLES, "output_torque", "motor_torque", "motor_velocity"})
+
+MORE_THAN_A_COLUMN = 3.0
+"""Gain by which each further value of a curve must pay for itself before it is compared with an effect."""
+
+
+NEARLY = 0.9
+"""Share of the best gain of a curve's choices of knots from which on the choice that pays most is taken."""
+
+
+def curves(ground: Ground, scales: Scales) -> list[ShapeTerm]:
+    """Give every curve that is tried, with its knots scaled to the campaign and its values at 0."""
+    samples = _samples(ground)
+    found = []
+    for enters, variable, form, factor in _kinds(samples):
+        most = float(np.abs(samples[variable]).max())
+        choices: list[tuple[float, ...]]
+        match form:
+            case Form.CURVE:
+                choices = _knots(variable, samples[variable])
+            case Form.PLAY:
+                choices = [tuple(share * most for share in RADII)]
+            case Form.LAG:
+                lags = tuple(lag for lag in ONE_LAG if 2.0 * scales.period < lag < 0.5 * scales.longest)
+                choices = [*((lag,) for lag in lags), lags[::3]]
+            case Form.WAVE:
+                choices = [(order,) for order in WAVES]
+            case _:
+                choices = [()]
+        found += [_at_zero(enters, variable, form, factor, at) for at in choices if at or form in WITHOUT_KNOTS]
+    return found
+
+
+def _at_zero(enters: Enters, variable: str, form: Form, factor: str, at: tuple[float, ...]) -> ShapeTerm:
+    curve = Curve(enters, variable, form, factor, len(at), zero_of(at) if form is Form.CURVE else -1)
+    return ShapeTerm(curve, (*at, *(0.0 for _ in curve.parameters[len(at) :])))
+
+
+def _kinds(samples: Mapping[str, Floats]) -> Iterator[tuple[Enters, str, Form, str]]:
+    """Give where, of what, in which form and times what a curve is tried."""
+    known = samples.keys()
+    other = [name for name in known if name not in MODELLED]
+    torsion = [("output_torque", form) for form in (Form.CURVE, Form.PLAY, Form.PEAK, Form.LAG, Form.RATE)]
+    torsion += [("motor_velocity", form) for form in (Form.CURVE, Form.LAG, Form.RATE)]
+    torsion += [("motor_torque", Form.CURVE)]
+    if "output_torque" in known:
+        yield Enters.TORSION, "motor_position", Form.WAVE, "output_torque"
+    motor = [("motor_velocity", form) for form in (Form.CURVE, Form.LAG, Form.RATE)]
+    motor += [("output_torque", form) for form in (Form.CURVE, Form.PLAY)]
+    friction = [("output_torque", form) for form in (Form.CURVE, Form.RATE, Form.PEAK)]
+    friction += [("motor_velocity", form) for form in (Form.CURVE, Form.LAG)]
+    plain = {
+        Enters.TORSION: torsion,
+        Enters.MOTOR_BALANCE: motor,
+        Enters.OUTPUT_BALANCE: [("motor_velocity", Form.CURVE)],
+        Enters.FRICTION: friction,
+    }
+    products = {Enters.TORSION: "output_torque", Enters.MOTOR_BALANCE: "motor_torque", Enters.FRICTION: "output_torque"}
+    for enters, pairs in plain.items():
+        for variable, form in pairs:
+            if variable in known:
+                yield enters, variable, form, ""
+        for variable in other:
+            yield enters, variable, Form.CURVE, ""
+        factor = products.get(enters, "")
+        for variable in (*other, "motor_velocity"):
+            if factor in known and variable in known:
+                yield enters, variable, Form.CURVE, factor
+
+
+def _samples(ground: Ground) -> dict[str, Floats]:
+    """Give values of every signal that moves, (k,) of the samples that count."""
+    found: dict[str, list[Floats]] = {}
+    for item in ground.fit.linear:
+        rows = item.piece.index[:: max(1, item.piece.index.size // MOST_SAMPLES)]
+        for name, values in item.evaluation.signals.items():
+            if name not in INTERNAL:
+                found.setdefault(name, []).append(values[rows])
+    joined = {name: np.concatenate(parts) for name, parts in found.items()}
+    return {name: values for name, values in joined.items() if np.ptp(values) > LEAST_TRAVEL * np.abs(values).max()}
+
+
+def _knots(variable: str, values: Floats) -> list[tuple[float, ...]]:
+    """Give the knots of curves over a signal; one that no sample stands for is left out."""
+    if variable == "motor_velocity":
+        size = np.abs(values[values != 0.0])
+        sides = np.quantile(size, SPEEDS) if size.size else np.zeros(0)
+        sides = sides[np.diff(sides, prepend=0.0) > LEAST_STEP * sides]
+        choices = [np.concatenate([-sides[::-1], [0.0], sides])]
+    else:
+        counts = KNOTS if variable in ("output_torque", "motor_torque") else FEW_KNOTS
+        choices = [np.linspace(float(values.min()), float(values.max()), count) for count in counts]
+    held = [at[tents(values, at).sum(axis=0) >= FEWEST_AT_A_KNOT] for at in choices if at.size > 1]
+    return [tuple(at.tolist()) for at in held if at.size > 1]
+
+
+def curve_trials(ground: Ground, scales: Scales) -> list[ShapeTrial]:
+    """Score every curve, best first; each further value has to pay for itself."""
+    terms = curves(ground, scales)
+    found = []
+    for term in terms:
+        trial = try_columns(ground, term.effect.id, trial_columns(ground, term), ridge=RIDGE)
+        grown = sized(term, trial.amplitudes) if trial.gain > 0.0 else None
+        if grown is not None:
+            gain = max(trial.gain - MORE_THAN_A_COLUMN * trial.columns, 0.0)
+            found.append(ShapeTrial(grown, replace(trial, gain=gain), 2.0 * len(terms)))
+    return sorted(_one_of_each(found), key=lambda item: -item.trial.gain)
+
+
+def _one_of_each(trials: Sequence[ShapeTrial]) -> list[ShapeTrial]:
+    """Keep one of the curves that differ in their knots only: of those with nearly the best gain what pays most."""
+    groups: dict[tuple[str, str], list[ShapeTrial]] = {}
+    for item in trials:
+        groups.setdefault((item.term.effect.id, item.term.kind.enters), []).append(item)
+    found = []
+    for members in groups.values():
+        most = max(item.trial.gain for item in members)
+        found.append(max((x for x in members if x.trial.gain >= NEARLY * most), key=lambda item: item.trial.pays))
+    return found
+
+
+def best_curve(
+    pieces: Sequence[Piece], ground: Ground, scales: Scales, alpha: float
+) -> tuple[ShapeTrial, Fit, float, list[ShapeTrial]] | None:
+    """Give the best curve that may be added, the joint fit with it, its p-value, and all that were tried."""
+    trials = curve_trials(ground, scales)
+    taken = {term.effect.id for term in ground.fit.model.shapes}
+    for candidate in by_joint_fit(pieces, ground, [item for item in trials if item.term.effect.id not in taken])[:2]:
+        trial, term = candidate.trial, candidate.term
+        p_value = min(1.0, trial.single_p * candidate.tests)
+        large = trial.share >= LARGE_SHARE
+        if not (p_value <= alpha or large) or objection(trial.share, LEAST_CURVE_SHARE, room=True):
+            continue
+        if unpaid_by(trial) and not large:
+            continue
+        joint = refit(pieces, ground.fit, replace(ground.fit.model, shapes=(*ground.fit.model.shapes, term)))
+        again = prepare(with_noise(ground.fit, joint.noise))
+        second = try_columns(again, term.effect.id, trial_columns(again, term), ridge=RIDGE)
+        p_value = min(1.0, 2.0 * min(p_value, second.single_p * candidate.tests))
+        if (
+            p_value <= alpha
+            and pays_jointly(ground.fit, joint)
+            and consistent_shape(joint, len(joint.model.shapes) - 1)
+        ):
+            return candidate, joint, p_value, trials
+    return None
+
+
+def better_curve(pieces: Sequence[Piece], current: Fit, term: ShapeTerm, scales: Scales) -> ShapeTrial | None:
+    """Give the curve that explains more than an effect which was added, None if the effect holds with 95 %.
+
+    Both are compared without the effect, everything else there, and by joint fits.
+    """
+    without = prepare(_without(pieces, current, term))
+    own = try_columns(without, term.effect.id, trial_columns(without, term))
+    trials = [x for x in curve_trials(without, scales) if x.trial.gain * BEST_SHARE > own.gain]
+    if not trials:
+        return None
+    ranked = by_joint_fit(pieces, without, [trials[0], ShapeTrial(term, own, 1.0)])
+    gains = {item.term is term: item.trial.gain for item in ranked}
+    return trials[0] if gains[False] * BEST_SHARE > gains[True] else None
+
+
+def still_needed(pieces: Sequence[Piece], current: Fit, term: ShapeTerm, alpha: float) -> bool:
+    """Whether an effect would be added to what else is there now."""
+    without = prepare(_without(pieces, current, term))
+    trial = try_columns(without, term.effect.id, trial_columns(without, term))
+    return trial.single_p <= alpha and trial.share >= LEAST_SHAPE_SHARE and not unpaid_by(trial)
+
+
+def _without(pieces: Sequence[Piece], current: Fit, term: ShapeTerm) -> Fit:
+    shapes = tuple(x for x in current.model.shapes if x is not term)
+    return fit(pieces, replace(current.model, shapes=shapes), current.noise, passes=3, block=current.block)

@@ -1,0 +1,207 @@
+"""Shapes without a formula: what they compute, and that the loop finds physics which no effect of the catalogue has."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from drivers.errors import ConfigError, DataError
+from rig.log.run import ProcedureName, Run
+from rig.loop.campaign import LoopOptions
+from rig.loop.files.model_storage import load_model, write_model
+from rig.loop.model.curves import SHAPES, WITHOUT_KNOTS, Curve, Form, basis, curve_of, mirrored, zero_of
+from rig.loop.predict import predict_run
+from rig.loop.result import LoopResult, Verdict
+from rig.loop.trace import trace
+from sim_backend.model.effects import Enters, Shape
+from tests.independent.campaign import Campaign, Plan
+from tests.rig.loop.runs import dut, runs_of
+
+Floats = NDArray[np.float64]
+STEP = 0.01
+TIME = np.arange(0.0, 40.0, STEP)
+TORQUE = 10.0 * np.sin(0.4 * TIME) + 3.0 * np.sin(1.1 * TIME)
+SIGNALS = {"output_torque": TORQUE, "temperature": 20.0 + TIME, "motor_position": 3.0 * TIME}
+
+
+def curve(form: Form, at: tuple[float, ...] = (), variable: str = "output_torque", factor: str = "") -> Curve:
+    zero = zero_of(at) if form is Form.CURVE else -1
+    return Curve(Enters.TORSION, variable, form, factor, len(at), zero)
+
+
+def test_a_curve_is_the_polyline_through_its_knots_and_zero_at_the_knot_nearest_to_zero() -> None:
+    at = (-12.0, -5.0, 1.0, 6.0, 11.0)
+    values = np.array([3.0, -1.0, 2.0, 0.5])
+    found = basis(curve(Form.CURVE, at), at, SIGNALS, STEP) @ values
+    assert np.allclose(found, np.interp(TORQUE, at, [3.0, -1.0, 0.0, 2.0, 0.5]), atol=1e-12)
+
+
+def test_a_curve_times_a_factor_is_multiplied_and_a_friction_by_its_size() -> None:
+    at = (20.0, 60.0)
+    plain = basis(curve(Form.CURVE, at, "temperature"), at, SIGNALS, STEP)
+    times = curve(Form.CURVE, at, "temperature", "output_torque")
+    assert np.allclose(basis(times, at, SIGNALS, STEP), plain * TORQUE[:, None])
+    friction = replace(times, enters=Enters.FRICTION)
+    assert np.allclose(basis(friction, at, SIGNALS, STEP), plain * np.abs(TORQUE)[:, None])
+
+
+def test_a_rate_is_the_derivative_and_its_size() -> None:
+    found = basis(curve(Form.RATE), (), SIGNALS, STEP)
+    exact = 4.0 * np.cos(0.4 * TIME) + 3.3 * np.cos(1.1 * TIME)
+    inner = slice(20, -20)
+    assert np.allclose(found[inner, 0], exact[inner], atol=2e-2)
+    assert np.allclose(found[inner, 1], np.abs(exact[inner]), atol=2e-2)
+
+
+def test_a_lag_of_a_ramp_is_its_rate_times_the_time_constant() -> None:
+    ramp = {"output_torque": 2.0 * TIME}
+    found = basis(curve(Form.LAG, (0.5,)), (0.5,), ramp, STEP)
+    assert found[-1, 0] == pytest.approx(2.0 * 0.5, rel=0.02)  # sampled: half a step of the ramp short
+
+
+def test_a_peak_is_the_largest_size_so_far_and_that_times_the_signal() -> None:
+    found = basis(curve(Form.PEAK), (), SIGNALS, STEP)
+    assert found[-1, 0] == np.abs(TORQUE).max()
+    assert found[-1, 1] == pytest.approx(np.abs(TORQUE).max() * TORQUE[-1])
+
+
+def test_a_play_of_a_closed_cycle_is_as_wide_as_twice_its_radius() -> None:
+    cycle = {
+        "output_torque": np.concatenate([np.linspace(0, 8, 400), np.linspace(8, -8, 800), np.linspace(-8, 8, 800)])
+    }
+    (found,) = basis(curve(Form.PLAY, (2.0,)), (2.0,), cycle, STEP).T
+    falling, rising = (
+        np.interp(0.0, *np.array([cycle["output_torque"][500:1100], found[500:1100]])[:, ::-1]),
+        found[1600],
+    )
+    assert falling - rising == pytest.approx(4.0, abs=0.1)
+
+
+def test_a_wave_is_a_line_of_the_angle_times_size_and_square_of_the_factor() -> None:
+    wave = Curve(Enters.TORSION, "motor_position", Form.WAVE, "output_torque", 1)
+    found = basis(wave, (2.0,), SIGNALS, STEP) @ np.array([0.0, 0.0, math.cos(0.3), math.sin(0.3)])
+    assert np.allclose(found, TORQUE**2 * np.sin(2.0 * SIGNALS["motor_position"] + 0.3))
+
+
+AT = {Form.CURVE: (-8.0, -1.0, 4.0), Form.PLAY: (1.0, 3.0), Form.LAG: (0.2, 2.0), Form.WAVE: (2.0,)}
+
+
+@pytest.mark.parametrize("form", Form)
+def test_a_mirrored_curve_of_the_mirrored_signal_is_the_mirrored_addition(form: Form) -> None:
+    at = AT.get(form, ())
+    variable, factor = ("motor_position", "output_torque") if form is Form.WAVE else ("output_torque", "")
+    one = curve(form, at, variable, factor)
+    fitted = np.arange(1.0, 1.0 + sum(not p.known for p in one.parameters))
+    every = np.zeros(len(one.parameters))
+    every[[k for k, p in enumerate(one.parameters) if not p.known]] = fitted
+    every[: len(at)] = at
+    other, values = mirrored(one, every.tolist(), variable=True, added=True)
+    known = [v for v, p in zip(values, other.parameters, strict=True) if not p.known]
+    turned = {**SIGNALS, variable: -SIGNALS[variable]}
+    here = basis(one, at, SIGNALS, STEP) @ fitted
+    assert np.allclose(basis(other, values[: other.knots], turned, STEP) @ np.array(known), -here, atol=1e-9)
+
+
+@pytest.mark.parametrize("form", Form)
+def test_a_curve_is_known_again_from_the_names_in_a_model_file(form: Form) -> None:
+    at = AT.get(form, ())
+    variable, factor = ("motor_position", "output_torque") if form is Form.WAVE else ("output_torque", "")
+    one = curve(form, at, variable, factor)
+    values = {p.name: at[k] if k < len(at) else 1.0 for k, p in enumerate(one.parameters)}
+    assert curve_of(one.id, one.place, values.keys(), values) == one
+    assert (form in WITHOUT_KNOTS) == (not at)
+    assert form in SHAPES
+
+
+SMALL = Plan(locked_angles=6, locked_pairs=1, backdrives=3, backdrive_pairs=1, free_runs=2, free_run_pairs=1)
+STEPS_AT, HEIGHT = 5.0, 8e-6
+"""N*m at which the torsion jumps, and by how much (rad) either way."""
+
+
+def gap(run: Run, rng: np.random.Generator) -> Run:
+    """Let the torsion jump at a torque: a gap that closes there, in series with the springs."""
+    angle = HEIGHT * np.tanh((run.signals["output_torque"] - STEPS_AT) / 0.5)
+    return twisted(run, angle)
+
+
+def draught(run: Run, rng: np.random.Generator) -> Run:
+    """Let the torsion follow the temperature of the room, which only an auxiliary channel has."""
+    room = 3.0 * np.sin(2.0 * np.pi * run.time / float(rng.uniform(15.0, 40.0)) + float(rng.uniform(0.0, 6.0)))
+    moved = twisted(run, 3e-6 * room)
+    return replace(moved, auxiliary=MappingProxyType({"room": 22.0 + room + 0.05 * rng.standard_normal(room.size)}))
+
+
+def twisted(run: Run, angle: Floats) -> Run:
+    held = run.procedure is ProcedureName.LOCKED_OUTPUT
+    name, share = ("motor_position", 100.0) if held else ("output_position", 1.0)
+    return replace(run, signals=MappingProxyType({**run.signals, name: run.signals[name] + share * angle}))
+
+
+@cache
+def traced(hide: Callable[[Run, np.random.Generator], Run], seed: int) -> tuple[LoopResult, tuple[Run, ...]]:
+    runs, held_out = runs_of(Campaign(seed, plan=SMALL, rate=100.0))
+    rng = np.random.default_rng(seed)
+    changed = tuple(hide(run, rng) for run in runs)
+    return trace(changed, dut(), LoopOptions(held_out=held_out)), changed
+
+
+CASES = [(gap, "output_torque"), (draught, "room")]
+
+
+@pytest.mark.parametrize(("hide", "variable"), CASES)
+@pytest.mark.timeout(300)
+def test_physics_of_no_catalogue_is_unnamed_with_its_variable_and_shape(
+    hide: Callable[[Run, np.random.Generator], Run], variable: str
+) -> None:
+    result, _ = traced(hide, 5)
+    assert [(step.verdict, step.variable, step.shape) for step in result.steps] == [
+        (Verdict.UNNAMED, variable, Shape.STATIC)
+    ]
+    torsion = result.equations["torsion"].held_out
+    assert torsion is not None
+    assert torsion.rms_after < 0.85 * torsion.rms_before
+
+
+@pytest.mark.timeout(300)
+def test_the_values_of_a_curve_follow_what_was_hidden() -> None:
+    (step,) = traced(gap, 5)[0].steps
+    count = sum(name.startswith("at_") for name in step.parameters)
+    at = np.array([step.parameters[f"at_{k + 1}"].value for k in range(count)])
+    values = np.array([step.parameters[f"value_{k + 1}"].value for k in range(count)])
+    far = np.abs(at - STEPS_AT) > 1.5
+    rise = values[far & (at > STEPS_AT) & (at < 9.0)].mean() - values[far & (at > 1.0) & (at < STEPS_AT)].mean()
+    assert rise == pytest.approx(2.0 * HEIGHT, rel=0.3)  # a slope of it is taken up by the springs
+
+
+@pytest.mark.timeout(300)
+def test_a_model_with_a_curve_is_read_back_and_predicts_alike(tmp_path: Path) -> None:
+    result, runs = traced(gap, 5)
+    write_model(result.model, tmp_path / "model.json")
+    again = load_model(tmp_path / "model.json")
+    (run,) = (run for run in runs if run.name in result.held_out and run.procedure is ProcedureName.LOCKED_OUTPUT)
+    of_file = next(p for p in predict_run(run, again) if p.equation == "torsion")
+    expected = result.equations["torsion"].held_out
+    assert expected is not None
+    assert of_file.rms == pytest.approx(expected.by_procedure["locked-output"].rms_after, rel=1e-6)
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize(
+    ("name", "value", "rule"),
+    [("at_2", 1e9, "ascending"), ("value_1", 1e300, "must be"), ("slope", 1.0, "is none of")],
+)
+def test_a_wrong_curve_in_a_model_file_is_refused(tmp_path: Path, name: str, value: float, rule: str) -> None:
+    result, _ = traced(gap, 5)
+    (effect,) = result.model.effects
+    old = effect.parameters.get(name, effect.parameters["at_1"])
+    parameters = {**effect.parameters, name: old.model_copy(update={"value": value})}
+    wrong = result.model.model_copy(update={"effects": (effect.model_copy(update={"parameters": parameters}),)})
+    write_model(wrong, tmp_path / "model.json")
+    with pytest.raises((ConfigError, DataError), match=rule):
+        load_model(tmp_path / "model.json")
