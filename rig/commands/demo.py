@@ -20,9 +20,9 @@ from rig.config.dut import default_dut
 from rig.log.load import load_runs
 from rig.log.names import writable_folder
 from rig.loop.campaign import LoopOptions
+from rig.loop.display import interval_text
 from rig.loop.model.terms import Entry, periodic_effects
 from rig.loop.result import LoopResult
-from rig.loop.table import interval_text
 from rig.loop.trace import trace
 from rig.operator import SimulatedOperator
 from rig.session import Job, Provenance, RunRecord, Session, Watcher, run_jobs
