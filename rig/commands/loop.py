@@ -66,6 +66,7 @@ def loop_command(paths: tuple[Path, ...], options: LoopCommand) -> None:
         return
     print_result(result)
     print_files(files)
+    tell(f"Next: rig report {options.out}")
 
 
 def _traced(

@@ -5,18 +5,34 @@ is kept, evenly over time; errors and means are those of all samples.
 """
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from rig.config.toml_file import FileModel
+from rig.config.toml_file import Conflict, FileModel, Table
 
 VIEWS_NAME = "views.json"
 """What `rig loop` calls the file in its folder."""
 
 Numbers = Annotated[tuple[float, ...], Field(strict=False)]
 Names = Annotated[tuple[str, ...], Field(strict=False)]
+
+
+class Series(FileModel):
+    """Base of everything that has series of numbers, which must be equally long."""
+
+    series: ClassVar[tuple[str, ...]]
+
+    @classmethod
+    def conflicts(cls, table: Table) -> Iterable[Conflict]:
+        """Give the first series whose length differs from that of the first one."""
+        lengths = [len(table.get(name) or ()) for name in cls.series]
+        for name, length in zip(cls.series, lengths, strict=True):
+            if length != lengths[0]:
+                yield Conflict((name,), length, f"has {length} numbers, {cls.series[0]} has {lengths[0]}")
+                return
 
 
 class RunFacts(FileModel):
@@ -36,20 +52,24 @@ class RunFacts(FileModel):
     software: str | None = None
 
 
-class Means(FileModel):
+class Means(Series):
     """Mean residual over intervals of the variable, each around `x`; equally long."""
+
+    series: ClassVar[tuple[str, ...]] = ("x", "before", "after")
 
     x: Numbers = ()
     before: Numbers = ()
     after: Numbers = ()
 
 
-class ResidualView(FileModel):
+class ResidualView(Series):
     """Residual of the runs of one equation and procedure against one variable; `x`, `before`, `after` equally long.
 
     `effects`: what was added that depends on the variable. `order`: the variable is an angle and folded into one
     period of this many a revolution; None where it is not. `samples`: how many there were before thinning.
     """
+
+    series: ClassVar[tuple[str, ...]] = ("x", "before", "after")
 
     equation: str
     unit: str
@@ -69,8 +89,10 @@ class ResidualView(FileModel):
     means: Means = Means()
 
 
-class Stretch(FileModel):
+class Stretch(Series):
     """An unbroken part of one run: what was measured, and what the model says before and after; equally long."""
+
+    series: ClassVar[tuple[str, ...]] = ("x", "measured", "before", "after")
 
     run: str
     x: Numbers
@@ -93,11 +115,13 @@ class CycleView(FileModel):
     stretches: Annotated[tuple[Stretch, ...], Field(strict=False)]
 
 
-class SpectrumView(FileModel):
+class SpectrumView(Series):
     """Amplitude of the residual by order: cycles per revolution of an angle (per s where the variable is time).
 
     Every point is the highest amplitude of an interval of orders. `lines`: orders that were added.
     """
+
+    series: ClassVar[tuple[str, ...]] = ("orders", "before", "after")
 
     equation: str
     unit: str

@@ -196,7 +196,7 @@ def _residuals(group: Sequence[_Seen], added: Sequence[Added], everything: Seque
     errors = _rms(before), _rms(after)
     explained = [item.variable for item in added] if errors[1] < EXPLAINED * errors[0] else []
     natural = "motor_position" if group[0].pair.after.piece.track.moves else "output_torque"
-    variables = list(dict.fromkeys([*explained, natural, *([] if explained else ["time"])]))
+    variables = list(dict.fromkeys([*explained, natural, *([] if added else ["time"])]))
     found = []
     for variable in variables[:MOST_VARIABLES]:
         known = [(seen, x) for seen in group if (x := seen.signal(variable)) is not None]
