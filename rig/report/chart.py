@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from rig.report.html import Markup, element, joined
 
 WIDTH, HEIGHT = 480.0, 310.0
-LEFT, TOP, RIGHT, BOTTOM = 62.0, 10.0, 12.0, 46.0
+LEFT, TOP, RIGHT, BOTTOM = 76.0, 10.0, 12.0, 46.0
 """Size of the picture and of its margins, in its own units."""
 
 TICKS = 5

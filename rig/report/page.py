@@ -9,6 +9,9 @@ from rig.report.html import Markup, element, joined
 
 PARTS = files("rig.report")
 
+LONG = 30
+"""Letters from which a cell of a table is text that wants some width."""
+
 
 def page(title: str, body: Sequence[Markup]) -> str:
     """Give the whole file."""
@@ -53,10 +56,14 @@ def row(cells: Sequence[Markup | str], numbers: frozenset[int], kind: str | None
     """Give a row whose first cell is its heading."""
     first = element("th", cells[0], scope="row")
     rest = [
-        element("td", cell, class_="number" if place in numbers else None)
+        element("td", cell, class_="number" if place in numbers else "long" if _is_long(cell) else None)
         for place, cell in enumerate(cells[1:], start=1)
     ]
     return element("tr", first, *rest, class_=kind)
+
+
+def _is_long(cell: Markup | str) -> bool:
+    return isinstance(cell, str) and len(cell) > LONG
 
 
 def _digest(text: str) -> str:
