@@ -241,8 +241,11 @@ def predict(
 
 @app.command()
 def report(
-    folders: Annotated[
-        list[Path], typer.Argument(parser=_path, metavar="RUN_OR_LOOP_DIR...", help="Folders that `rig loop` wrote.")
+    paths: Annotated[
+        list[Path],
+        typer.Argument(
+            parser=_path, metavar="RUN_OR_LOOP_DIR...", help="Folders that `rig loop` wrote, logs, or folders of logs."
+        ),
     ],
     out: Annotated[
         Path | None,
@@ -251,15 +254,15 @@ def report(
             "--out",
             parser=_path,
             metavar="FOLDER",
-            help="Folder for the reports; default: beside the results.",
+            help="Folder for the reports; default: beside each result or log.",
         ),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Write a report: one HTML file that opens without network, on a phone too, and prints."""
+    """Write a report of a loop or of runs: one HTML file that opens without network, on a phone too, and prints."""
     from rig.commands.report import report_command
 
-    report_command(tuple(folders), out, as_json)
+    report_command(tuple(paths), out, as_json)
 
 
 @app.command()

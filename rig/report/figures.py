@@ -46,7 +46,7 @@ def residual_figure(view: ResidualView, name: str) -> Markup:
     legend += [("before-mean", "mean before"), ("after-mean", "mean after")] if at else []
     of = f"{len(x)} of {view.samples} samples" if len(x) < view.samples else f"{view.samples} samples"
     title = f"{view.equation}, {view.procedure}: residual against {view.variable}"
-    return _figure(title, draw(chart, name), legend, view.side, view.runs, of)
+    return figure(title, draw(chart, name), legend, _told(view.side, view.runs, of))
 
 
 def cycle_figure(view: CycleView, name: str) -> Markup:
@@ -73,7 +73,7 @@ def cycle_figure(view: CycleView, name: str) -> Markup:
     legend = [("measured", "measured"), ("before-line", "base model"), ("after-line", "with what was added")]
     more = f"{view.left_out} more not drawn" if view.left_out else ""
     title = f"{view.procedure}: {quantity} over {view.variable}"
-    return _figure(title, draw(chart, name), legend, view.side, view.runs, more)
+    return figure(title, draw(chart, name), legend, _told(view.side, view.runs, more))
 
 
 def spectrum_figure(view: SpectrumView, name: str) -> Markup:
@@ -95,7 +95,7 @@ def spectrum_figure(view: SpectrumView, name: str) -> Markup:
     )
     legend = [("before-solid", "before"), ("after-line", "after")]
     title = f"{view.equation}, {view.procedure}: spectrum over {view.variable}"
-    return _figure(title, draw(chart, name), legend, view.side, view.runs, "")
+    return figure(title, draw(chart, name), legend, _told(view.side, view.runs, ""))
 
 
 def _unbroken(at: Sequence[float]) -> list[tuple[int, int]]:
@@ -113,18 +113,21 @@ def _variable(view: ResidualView) -> str:
     return f"{view.variable} [{unit}]" if unit else view.variable
 
 
-def _figure(
-    title: str, plot: Markup, legend: Sequence[tuple[str, str]], side: str, runs: Sequence[str], note: str
-) -> Markup:
+def figure(title: str, plot: Markup, legend: Sequence[tuple[str, str]], told: str) -> Markup:
+    """Give a plot with its title, a legend of roles and words, and what is told of its runs."""
     keys = [
         element("span", element("i", class_=f"key {role}", aria_hidden="true"), text, class_="legend")
         for role, text in legend
     ]
-    told = f"{SIDES.get(side, side)} runs: {', '.join(runs)}" + (f"; {note}" if note else "")
     caption = element(
         "figcaption",
         element("b", title),
-        element("span", joined(keys), class_="keys"),
-        element("small", told[0].upper() + told[1:] + ".", class_="runs"),
+        element("span", joined(keys), class_="keys") if keys else None,
+        element("small", told, class_="runs"),
     )
     return element("figure", caption, plot, class_="plot")
+
+
+def _told(side: str, runs: Sequence[str], note: str) -> str:
+    told = f"{SIDES.get(side, side)} runs: {', '.join(runs)}" + (f"; {note}" if note else "")
+    return f"{told[0].upper()}{told[1:]}."

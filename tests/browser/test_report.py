@@ -1,5 +1,6 @@
-"""The report of a loop in a real browser: nothing is loaded or executed that should not be, it fits, zooms, prints."""
+"""Reports in a real browser: nothing is loaded or executed that should not be, it fits, zooms, prints."""
 
+import math
 from pathlib import Path
 
 import pytest
@@ -185,6 +186,40 @@ def test_the_dark_page_is_dark(page: Page, file: Path) -> None:
         page.open(file, prefers_color_scheme=scheme)
         shades.append(page.evaluate("getComputedStyle(document.body).backgroundColor"))
     assert shades == ["rgb(255, 255, 255)", "rgb(20, 24, 28)"]
+
+
+def test_a_finger_moves_a_zoomed_plot_and_else_the_page(page: Page, file: Path) -> None:
+    page.open(file, *SIZES["phone"])
+    touch = f"getComputedStyle({VIEW}.querySelector('svg')).touchAction"
+    assert page.evaluate(touch) == "pan-y"
+    page.evaluate(f"{VIEW}.querySelectorAll('button')[0].click()")
+    assert page.evaluate(touch) == "none"
+    before = ticks(page)
+    begin, end = plot_point(page, 0.7, 0.5), plot_point(page, 0.3, 0.5)
+    page.call("Emulation.setTouchEmulationEnabled", enabled=True)
+    for kind, at in (("touchStart", [begin]), ("touchMove", [end]), ("touchEnd", [])):
+        points = [{"x": x, "y": y} for x, y in at]
+        page.call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+    page.call("Emulation.setTouchEmulationEnabled", enabled=False)
+    after = ticks(page)
+    assert before[0] == "100"
+    assert float(after[-1]) > float(before[-1])
+
+
+def test_a_report_of_a_run_fits_loads_nothing_and_prints(page: Page, tmp_path: Path) -> None:
+    name = "log <script>window.pwned=1</script>"
+    rows = "".join(f"{k / 100},{math.sin(k / 30)},{math.sin(k / 30 + 0.1)}\n" for k in range(600))
+    (tmp_path / "log.csv").write_text(f"time[s],motor_torque[N*m],output_torque[N*m]\n{rows}")
+    (tmp_path / "log.toml").write_text(f"procedure = 'locked-output'\noperator = '{name}'\n")
+    answer = CliRunner().invoke(app, ["report", str(tmp_path / "log.csv")])
+    assert answer.exit_code == 0, answer.stderr
+    page.open(tmp_path / "log.html", *SIZES["phone"])
+    assert page.evaluate("document.documentElement.scrollWidth") <= 360
+    assert page.evaluate("document.querySelectorAll('figure').length") == 3
+    assert page.evaluate("document.body.textContent.includes('<script>window.pwned=1</script>')")
+    assert page.evaluate("window.pwned") is None
+    assert page.pdf().startswith(b"%PDF-")
+    quiet(page, tmp_path / "log.html")
 
 
 def test_a_command_is_copied_whole(page: Page, file: Path) -> None:

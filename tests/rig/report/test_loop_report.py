@@ -196,6 +196,14 @@ def test_series_of_unequal_length_are_refused(tmp_path: Path) -> None:
     assert "199" in answer.stderr
 
 
+def test_a_folder_with_nothing_to_report_is_refused(tmp_path: Path) -> None:
+    for path, told in ((tmp_path, "neither a loop.json nor a log"), (tmp_path / "x", "no such file or folder")):
+        answer = rig("report", path)
+        assert answer.exit_code == 5
+        assert told in answer.stderr
+        assert "rig loop RUN... -o FOLDER" in answer.stderr
+
+
 def test_a_report_that_cannot_be_written_is_wrong_use(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "loop")
     (folder / "report.html").mkdir()
