@@ -7,7 +7,7 @@ from itertools import pairwise
 from rig.loop.files.views_file import CycleView, ResidualView, SpectrumView
 from rig.report.chart import Axis, Chart, Trace, axis_over, draw, log_axis_over
 from rig.report.html import Markup, element, joined
-from rig.report.numbers import error_scale, prefix_of, unit_text
+from rig.report.numbers import error_scale, prefix_of, scaled, unit_text
 
 SIDES = {"held_out": "held-out", "train": "fitted (no run was held out for this)"}
 
@@ -29,7 +29,7 @@ def residual_figure(view: ResidualView, name: str) -> Markup:
     }
     at = [value * across for value in view.means.x]
     horizontal = axis_over(label, x) if view.order is None else Axis(label, 0.0, 360.0 / view.order)
-    rms = [f"rms {value * scale:.3g} {unit}" for value in (view.rms_before, view.rms_after)]
+    rms = [f"rms {scaled(value, scale, 3)} {unit}" for value in (view.rms_before, view.rms_after)]
     chart = Chart(
         alternative=(
             f"Residual of {view.equation} in {view.procedure} against {view.variable}: before {rms[0]}, after {rms[1]}."

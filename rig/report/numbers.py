@@ -32,7 +32,13 @@ def error_scale(unit: str) -> tuple[str, float]:
 
 def scaled(value: float | None, scale: float, digits: int = 4) -> str:
     """Give a value times a scale with so many significant digits."""
-    return UNKNOWN if value is None else f"{value * scale:.{digits}g}"
+    return UNKNOWN if value is None else signed(significant(value * scale, digits))
+
+
+def significant(number: float, digits: int) -> str:
+    """Give a number with so many significant digits, without an exponent as long as it is below ten million."""
+    text = f"{number:.{digits}g}"
+    return f"{float(text):.0f}" if "e+0" in text and abs(number) < LARGEST_PLAIN else text
 
 
 def prefix_of(name: str, size: float, unit: str) -> tuple[str, float]:

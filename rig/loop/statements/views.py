@@ -51,8 +51,8 @@ LEAST_TRAVEL = 0.05
 """Share of a period, or of the range that a variable has in all runs, that must be covered to be shown."""
 
 LEAST_COVERED = 0.5
-"""Share of a turn (of a second, of time) that the samples of a spectrum lie in at least: of two short sweeps it would
-show where they started."""
+"""Share of a turn that the samples of sweeps lie in at least for a spectrum: of two short ones it would show where they
+started."""
 
 EXPLAINED = 0.98
 """Ratio of the error after and before above which what was added explains nothing of it."""
@@ -238,13 +238,14 @@ def _residuals(group: Sequence[_Seen], added: Sequence[Added], everything: Seque
 
 
 def _fold(variable: str, x: Floats, own: Sequence[Added]) -> float | None:
-    """Give how often a revolution an angle is folded: by the strongest line that was added, else once."""
+    """Give how often a revolution an angle is folded: by the strongest line that was added, else once.
+
+    An angle that stays within one period is not folded, nor is what is no angle.
+    """
     if variable not in ANGLES:
         return None
-    orders = [order for item in own for order in item.orders[:1]]
-    if orders and orders[0] > 0.0:
-        return orders[0]
-    return 1.0 if float(np.ptp(x)) > 2.0 * math.pi else None
+    order = next((order for item in own for order in item.orders[:1] if order > 0.0), 1.0)
+    return order if float(np.ptp(x)) > 2.0 * math.pi / order else None
 
 
 def _means(x: Floats, before: Floats, after: Floats, period: float) -> Means:
@@ -319,7 +320,8 @@ def _spectrum(group: Sequence[_Seen], added: Sequence[Added]) -> SpectrumView | 
         if x is not None:
             signals.append(Signal(turn * x, (seen.before, seen.after)))
     phases = np.remainder(np.concatenate([signal.x for signal in signals]), 2.0 * math.pi)
-    if np.unique((phases / (2.0 * math.pi) * MEANS).astype(np.intp)).size < LEAST_COVERED * MEANS:
+    covered = np.unique((phases / (2.0 * math.pi) * MEANS).astype(np.intp)).size
+    if covered < LEAST_COVERED * MEANS and not group[0].pair.after.piece.track.moves:
         return None
     lines = tuple(sorted({order for item in lined if item.variable == variable for order in item.orders}))
     highest = max([HIGHEST_ORDERS.get(variable, math.inf), *(BEYOND_A_LINE * order for order in lines)])

@@ -1,6 +1,6 @@
 import pytest
 
-from rig.report.numbers import change_text, error_scale, interval_in, probability_text, shown_as, unit_text
+from rig.report.numbers import change_text, error_scale, interval_in, probability_text, scaled, shown_as, unit_text
 
 
 @pytest.mark.parametrize(
@@ -41,6 +41,21 @@ def test_errors_are_shown_in_the_units_of_the_table() -> None:
 )
 def test_what_was_removed_is_a_share_of_the_error_before(before, after, expected) -> None:
     assert change_text(before, after) == expected
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "expected"),
+    [
+        (6692.4, 3, "6690"),
+        (13812.0, 3, "13800"),
+        (0.0012345, 3, "0.00123"),
+        (3.2e9, 3, "3.2e+09"),
+        (-20.26, 3, "−20.3"),
+    ],
+)
+def test_an_error_has_no_exponent_as_long_as_it_can_be_read(value, digits, expected) -> None:
+    assert scaled(value, 1.0, digits) == expected
+    assert scaled(None, 1.0, digits) == "–"
 
 
 def test_a_probability_that_no_number_holds_is_a_bound() -> None:
