@@ -11,6 +11,7 @@ from rig.log.run import Run
 from rig.loop.campaign import LoopOptions
 from rig.loop.files.views_file import ResidualView, Views, write_views
 from rig.loop.result import LoopResult
+from rig.loop.statements.views import Added, _fold
 from rig.loop.trace import trace
 from tests.independent.campaign import Campaign, Plan
 from tests.rig.loop.runs import dut, make_run, runs_of, turning_run
@@ -60,6 +61,15 @@ def test_a_line_is_seen_over_one_of_its_periods_with_the_signs_of_the_log(rotati
     hidden = AMPLITUDE * np.sin(ORDER * np.array(view.means.x) + PHASE)
     assert np.array(view.means.before) == pytest.approx(hidden, abs=0.1 * AMPLITUDE)
     assert np.array(view.means.after) == pytest.approx(0.0, abs=0.05 * AMPLITUDE)
+
+
+def test_an_angle_that_stays_within_one_period_is_shown_as_it_is() -> None:
+    wide, narrow = np.linspace(-0.5, 9.0, 50), np.linspace(-0.5, 0.6, 50)
+    line = [Added("gravity-load", "output_position", (1.0,))]
+    assert _fold("output_position", wide, line) == 1.0
+    assert _fold("output_position", narrow, line) is None
+    assert _fold("output_position", narrow, [Added("x", "output_position", (37.3, 2.0))]) == 37.3
+    assert _fold("output_torque", wide, []) is None
 
 
 def test_the_spectrum_has_the_line_before_and_not_after() -> None:
