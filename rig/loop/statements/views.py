@@ -39,6 +39,9 @@ CYCLE_POINTS = 700
 MOST_CYCLES = 4
 """Runs in a plot of hysteresis loops: more would hide each other."""
 
+TURNED, SWEPT = ("motor_position", "output_position"), ("output_torque", "motor_torque", "motor_position")
+"""What runs that turn and sweeps vary: the first one that is known and varies is shown."""
+
 MOST_VARIABLES = 3
 """Variables over which the residual of one equation and procedure is shown."""
 
@@ -186,55 +189,61 @@ def _shown(pairs: Sequence[Pair]) -> list[Pair]:
 
 
 def _span(variable: str, everything: Sequence[_Seen]) -> float:
-    """Give the range of a variable over all equations and runs."""
+    """Give the range of a variable over all equations and runs; of an angle, a turn at most."""
+    most = 2.0 * math.pi if variable in ANGLES else math.inf
     known = [x for seen in everything if (x := seen.signal(variable)) is not None and x.size]
-    return max((float(x.max()) for x in known), default=0.0) - min((float(x.min()) for x in known), default=0.0)
+    whole = max((float(x.max()) for x in known), default=0.0) - min((float(x.min()) for x in known), default=0.0)
+    return min(whole, most)
 
 
 def _residuals(group: Sequence[_Seen], added: Sequence[Added], everything: Sequence[_Seen]) -> list[ResidualView]:
+    """Give the residual over what it was traced to, over what the procedure varies, and, with nothing added, time."""
     before, after = np.concatenate([s.before for s in group]), np.concatenate([s.after for s in group])
-    errors = _rms(before), _rms(after)
-    explained = [item.variable for item in added] if errors[1] < EXPLAINED * errors[0] else []
-    natural = "motor_position" if group[0].pair.after.piece.track.moves else "output_torque"
-    variables = list(dict.fromkeys([*explained, natural, *([] if added else ["time"])]))
-    found = []
-    for variable in variables[:MOST_VARIABLES]:
-        known = [(seen, x) for seen in group if (x := seen.signal(variable)) is not None]
-        if not known:
-            continue
-        own = [item for item in added if item.variable == variable] if explained else []
-        x = np.concatenate([values for _, values in known])
-        before = np.concatenate([seen.before for seen, _ in known])
-        after = np.concatenate([seen.after for seen, _ in known])
-        order = _fold(variable, x, own)
-        if not float(np.ptp(x)) > LEAST_TRAVEL * (
-            _span(variable, everything) if order is None else 2.0 * math.pi / order
-        ):
-            continue
-        if order is not None:
-            x = np.remainder(x, 2.0 * math.pi / order)
-        first, chosen = group[0].pair, _thinned(x.size, POINTS)
-        found.append(
-            ResidualView(
-                equation=first.equation.value,
-                unit=first.equation.unit,
-                procedure=first.procedure,
-                side=first.side,
-                runs=tuple(seen.pair.run for seen, _ in known),
-                variable=variable,
-                variable_unit=_unit(variable),
-                effects=tuple(item.effect for item in own),
-                order=order,
-                samples=int(x.size),
-                rms_before=errors[0],
-                rms_after=errors[1],
-                x=_numbers(x[chosen]),
-                before=_numbers(before[chosen]),
-                after=_numbers(after[chosen]),
-                means=Means() if order is None else _means(x, before, after, 2.0 * math.pi / order),
-            )
-        )
-    return found
+    explained = added if _rms(after) < EXPLAINED * _rms(before) else ()
+    traced = list(dict.fromkeys(item.variable for item in explained))
+    varied = TURNED if group[0].pair.after.piece.track.moves else SWEPT
+    views = {name: _residual(group, name, explained, everything) for name in dict.fromkeys((*traced, *varied, "time"))}
+    natural = next((name for name in varied if views[name] is not None), None)
+    shown = dict.fromkeys([*traced, natural, None if added else "time"])
+    return [view for name in shown if name is not None and (view := views[name]) is not None][:MOST_VARIABLES]
+
+
+def _residual(
+    group: Sequence[_Seen], variable: str, added: Sequence[Added], everything: Sequence[_Seen]
+) -> ResidualView | None:
+    """Give the residual over one variable; None where it is unknown, or hardly varies beside what it does elsewhere."""
+    known = [(seen, x) for seen in group if (x := seen.signal(variable)) is not None]
+    if not known:
+        return None
+    own = [item for item in added if item.variable == variable]
+    x = np.concatenate([values for _, values in known])
+    before = np.concatenate([seen.before for seen, _ in known])
+    after = np.concatenate([seen.after for seen, _ in known])
+    order = _fold(variable, x, own)
+    period = _span(variable, everything) if order is None else 2.0 * math.pi / order
+    if not float(np.ptp(x)) > LEAST_TRAVEL * period:
+        return None
+    if order is not None:
+        x = np.remainder(x, period)
+    first, chosen = group[0].pair, _thinned(x.size, POINTS)
+    return ResidualView(
+        equation=first.equation.value,
+        unit=first.equation.unit,
+        procedure=first.procedure,
+        side=first.side,
+        runs=tuple(seen.pair.run for seen, _ in known),
+        variable=variable,
+        variable_unit=_unit(variable),
+        effects=tuple(item.effect for item in own),
+        order=order,
+        samples=int(x.size),
+        rms_before=_rms(before),
+        rms_after=_rms(after),
+        x=_numbers(x[chosen]),
+        before=_numbers(before[chosen]),
+        after=_numbers(after[chosen]),
+        means=Means() if order is None else _means(x, before, after, period),
+    )
 
 
 def _fold(variable: str, x: Floats, own: Sequence[Added]) -> float | None:
