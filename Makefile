@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: help install test lint demo bench foreign fuzz campaign clean
+.PHONY: help install test lint demo bench foreign browser fuzz campaign clean
 
 help:            ## list the targets
 	@grep -E '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/'
@@ -39,6 +39,10 @@ foreign: $(STAMP) ## other people's CANopen stacks against ours (installs durand
 		echo "no npm on this machine: the tests against the npm package canopen are skipped"; \
 	fi
 	$(BIN)/python -m pytest tests/foreign
+
+browser: $(STAMP) ## reports in a headless Chromium (installs Debian's where there is none and this is root)
+	@sh .ci/get-browser
+	BROWSER_REQUIRED=1 $(BIN)/python -m pytest tests/browser
 
 SECONDS := 120
 fuzz: $(STAMP)   ## property tests with new random examples for 2 minutes (SECONDS=...)

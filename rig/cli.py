@@ -240,6 +240,32 @@ def predict(
 
 
 @app.command()
+def report(
+    paths: Annotated[
+        list[Path],
+        typer.Argument(
+            parser=_path, metavar="RUN_OR_LOOP_DIR...", help="Folders that `rig loop` wrote, logs, or folders of logs."
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--out",
+            parser=_path,
+            metavar="FOLDER",
+            help="Folder for the reports; default: beside each result or log.",
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Write a report of a loop or of runs: one HTML file that opens without network, on a phone too, and prints."""
+    from rig.commands.report import report_command
+
+    report_command(tuple(paths), out, as_json)
+
+
+@app.command()
 def demo(
     seed: Annotated[int | None, typer.Option(min=0, help="Seed that draws the effect; default: drawn.")] = None,
     out: Out = Path("runs/demo"),

@@ -15,14 +15,15 @@ from drivers.clock import Clock, RealClock
 from procedures.plan import PlannedRun, build_parameters
 from procedures.registry import PROCEDURES
 from rig.commands.loop import dut_of, print_files, print_result, write_loop
+from rig.commands.report import REPORT_NAME, write_report
 from rig.config.bench import load_bench
 from rig.config.dut import default_dut
 from rig.log.load import load_runs
 from rig.log.names import writable_folder
 from rig.loop.campaign import LoopOptions
+from rig.loop.display import interval_text
 from rig.loop.model.terms import Entry, periodic_effects
 from rig.loop.result import LoopResult
-from rig.loop.table import interval_text
 from rig.loop.trace import trace
 from rig.operator import SimulatedOperator
 from rig.session import Job, Provenance, RunRecord, Session, Watcher, run_jobs
@@ -70,6 +71,7 @@ def demo_command(seed: int | None, out: Path, as_json: bool) -> None:
         result = trace(runs, dut_of(runs), LoopOptions(), on_stage=stage)
         stage("drawing and writing the result")
         files = write_loop(result, out / "loop")
+        report = write_report(out / "loop", out / "loop" / REPORT_NAME)
     truth = Truth(
         hidden.effect.id, {p.name: (v, p.unit) for p, v in zip(hidden.effect.parameters, hidden.values, strict=True)}
     )
@@ -84,6 +86,7 @@ def demo_command(seed: int | None, out: Path, as_json: bool) -> None:
     tell(f"seed    {seed}   (rig demo --seed {seed} tells the same story)")
     tell(f"logs    {logs}")
     print_files(files)
+    tell(f"report  {report}   (open it in a browser)")
     tell(f"Took {clock.now():.0f} s, of which the loop {clock.now() - recorded:.0f} s.")
 
 

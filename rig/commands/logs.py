@@ -4,7 +4,6 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -13,7 +12,6 @@ from rich.table import Table
 from drivers.errors import ConfigError, Mistake
 from drivers.signals import BY_NAME
 from drivers.spelling import did_you_mean
-from procedures.intents import Measurement
 from procedures.plan import parameter_table
 from procedures.registry import PROCEDURES
 from rig.commands.measurements import measurement_table
@@ -21,13 +19,11 @@ from rig.log.export import ExportKind, export_run
 from rig.log.importer import import_files
 from rig.log.load import load_run, load_runs
 from rig.log.mcap_reader import AT_IMPORT
+from rig.log.measurements import MEASUREMENTS, measurements_in
 from rig.log.recover import recover
 from rig.log.run import ENDINGS, Run
 from rig.log.show import Summary, describe
 from rig.terminal import emit, tell
-
-MEASUREMENTS = "outcome.measurements"
-"""Key of a log's metadata under which what the run measured is kept."""
 
 
 def show_command(path: Path, as_json: bool) -> None:
@@ -134,7 +130,7 @@ def _print_summary(summary: Summary) -> None:
         line(f"{event.time:10.3f} s", f"{event.kind}: {event.text}")
     widest = max(map(len, summary.metadata), default=0)
     for name, value in summary.metadata.items():
-        if name == MEASUREMENTS and (measured := _measured(value)):
+        if name == MEASUREMENTS and (measured := measurements_in(summary.metadata)):
             console.print(measurement_table("measured", measured))
             continue
         first, *further = _lines(value, _units(name, summary.procedure))
@@ -143,25 +139,6 @@ def _print_summary(summary: Summary) -> None:
             line(" " * widest, text)
     for warning in summary.warnings:
         line("warning", warning)
-
-
-def _measured(text: str) -> list[Measurement]:
-    """Give the measurements in a log's outcome; none where the text is not what `rig run` writes."""
-    try:
-        return [_measurement(item) for item in json.loads(text)]
-    except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
-        return []
-
-
-def _measurement(item: Mapping[str, Any]) -> Measurement:
-    spread = item.get("uncertainty")
-    return Measurement(
-        name=str(item["name"]),
-        value=float(item["value"]),
-        unit=str(item["unit"]),
-        uncertainty=None if spread is None else float(spread),
-        meaning=str(item.get("meaning", "")),
-    )
 
 
 def _units(key: str, procedure: str) -> dict[str, str]:

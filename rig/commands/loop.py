@@ -17,9 +17,10 @@ from rig.log.names import writable_folder
 from rig.log.run import Run, endings
 from rig.loop.campaign import LoopOptions
 from rig.loop.files.model_storage import MODEL_NAME, load_model, write_model
+from rig.loop.files.views_file import VIEWS_NAME, write_views
 from rig.loop.plot import plot_loop
 from rig.loop.predict import write_predictions
-from rig.loop.result import LoopResult
+from rig.loop.result import RESULT_NAME, LoopResult
 from rig.loop.table import headline, remaining_table, statements, table_of, text_of
 from rig.loop.trace import trace
 from rig.stages import Stages
@@ -49,6 +50,7 @@ class LoopFiles:
     model: Path
     table: Path
     plot: Path
+    views: Path
 
 
 def loop_command(paths: tuple[Path, ...], options: LoopCommand) -> None:
@@ -64,6 +66,7 @@ def loop_command(paths: tuple[Path, ...], options: LoopCommand) -> None:
         return
     print_result(result)
     print_files(files)
+    tell(f"Next: rig report {options.out}")
 
 
 def _traced(
@@ -135,13 +138,14 @@ def dut_of(runs: Sequence[Run]) -> Dut:
 
 
 def write_loop(result: LoopResult, out: Path) -> LoopFiles:
-    """Write `loop.json`, `model.json`, the table and the plot into `out`."""
+    """Write `loop.json`, `model.json`, `views.json` for the report, the table and the plot into `out`."""
     try:
         out.mkdir(parents=True, exist_ok=True)
-        files = LoopFiles(out / "loop.json", out / MODEL_NAME, out / "table.txt", out / "plot.svg")
+        files = LoopFiles(out / RESULT_NAME, out / MODEL_NAME, out / "table.txt", out / "plot.svg", out / VIEWS_NAME)
         plot_loop(result, files.plot)
         files.result.write_text(json.dumps(result.to_json(), indent=2, allow_nan=False) + "\n", encoding="utf-8")
         write_model(result.model, files.model)
+        write_views(result.views, files.views)
         files.table.write_text(text_of(result) + "\n", encoding="utf-8")
     except OSError as error:
         raise ConfigError("-o", [Mistake("-o", str(out), f"cannot be written: {error.strerror or error}")]) from error

@@ -10,12 +10,13 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rig.loop.files.model_file import Model
+from rig.loop.files.views_file import Views
 
 SCHEMA = "rig.loop/1"
+
+RESULT_NAME = "loop.json"
+"""What `rig loop` calls the result in its folder."""
 
 Json: TypeAlias = "bool | int | float | str | Sequence[Json] | Mapping[str, Json] | None"
 """What a JSON file can hold."""
@@ -153,23 +154,6 @@ class Open:
 
 
 @dataclass(frozen=True, slots=True)
-class View:
-    """Residual of held-out runs of one equation against the variable that explains it, thinned; arrays (m,).
-
-    `variable`: contract signal or `time`; `unit` of the residual; `procedure` and `runs` it was taken from.
-    """
-
-    equation: str
-    unit: str
-    variable: str
-    procedure: str
-    runs: tuple[str, ...]
-    x: NDArray[np.float64]
-    before: NDArray[np.float64]
-    after: NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
 class LoopResult:
     """Everything the loop says about a campaign. Names of runs, not paths."""
 
@@ -181,7 +165,7 @@ class LoopResult:
     warnings: tuple[str, ...]
     elapsed: float
     model: Model
-    views: tuple["View", ...] = ()
+    views: Views = field(default_factory=Views)
 
     @property
     def verdict(self) -> Verdict:

@@ -1,23 +1,17 @@
 """The table before/after, for the terminal and as plain text."""
 
-import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from rich.table import Table
 
+from rig.loop.display import SCALES, interval_text
 from rig.loop.files.model_file import ModelBase, ModelEstimate
 from rig.loop.predict import Predicted
 from rig.loop.result import MEANINGS, Errors, Estimate, LoopResult, NextExperiment, Open, Step
 from sim_backend.model.compliance import LAWS
 
 TITLES = ("equation", "unit", "before", "after", "floor", "floor 95 %", "max after")
-
-SCALES = {"rad": ("urad", 1e6), "N*m": ("mN*m", 1e3), "A": ("mA", 1e3)}
-"""Units in which errors are printed, with what one SI unit is in them; files keep SI."""
-
-MOST_DIGITS = 15
-"""Decimal digits that a 64-bit number holds whatever its value."""
 
 BASE_PARTS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -115,18 +109,6 @@ def _shown(name: str, estimate: Estimate | ModelEstimate) -> str:
         # an interval on a logarithmic scale that is wider than its value has no half width worth the name
         within = f" ({low:.2g} to {high:.2g})" if low > 0.0 and half > estimate.value else f" +- {half:.2g}"
     return f"{value}{within} {estimate.unit}".rstrip()
-
-
-def interval_text(low: float, high: float, digits: int = 3) -> str:
-    """Give an interval with at least so many significant digits, up to 15 where its ends differ in later ones.
-
-    The width shows with two digits or more.
-    """
-    largest, width = max(abs(low), abs(high)), abs(high - low)
-    if width > 0.0 and math.isfinite(largest):
-        digits = max(digits, math.floor(math.log10(largest)) - math.floor(math.log10(width)) + 2)
-    digits = min(digits, MOST_DIGITS)
-    return f"{low:.{digits}g} to {high:.{digits}g}"
 
 
 def _statement(item: Open) -> str:

@@ -14,8 +14,9 @@ from drivers.errors import DataError
 from rig.config.catalogue import doubt
 from rig.config.dut import Dut
 from rig.log.run import ProcedureName, Run, endings
-from rig.loop.campaign import LoopOptions, split_runs
+from rig.loop.campaign import Campaign, LoopOptions, split_runs
 from rig.loop.files.model_file import Model as ModelFile
+from rig.loop.files.views_file import Views
 from rig.loop.fitting.fit import BLOCK, Fit, fit, fit_stably, reweighted
 from rig.loop.fitting.intervals import hidden_share
 from rig.loop.fitting.starts import FACTOR, scaled_to_data
@@ -26,7 +27,7 @@ from rig.loop.model.parameters import parameter_table
 from rig.loop.model.prediction import Model, predict
 from rig.loop.model.shapes import ShapeTerm, named_effect
 from rig.loop.model.terms import Entry, Line, TermClass
-from rig.loop.result import EquationResult, Errors, LoopResult, Open, View
+from rig.loop.result import EquationResult, Errors, LoopResult, Open, Step
 from rig.loop.search.acceptance import NOT_EVERYWHERE
 from rig.loop.search.aliases import aliases, samplings
 from rig.loop.search.lines import USUAL_HIGHEST_ORDER
@@ -36,6 +37,7 @@ from rig.loop.signals.tracks import Track, make_track, thin_track
 from rig.loop.statements.metrics import Floor, Residual, errors, floor_of, pooled, residual_of
 from rig.loop.statements.open_statements import open_statements
 from rig.loop.statements.report_steps import model_of, steps_of
+from rig.loop.statements.views import Added, Pair, facts_of, views_of
 from rig.provenance import software_version
 from sim_backend.model.compliance import LAWS, Compliance
 
@@ -58,9 +60,6 @@ FAR_FROM_PRIOR = 3.0
 
 LEAST_HIDDEN = 0.05
 """Share of a torque line that may hide in the rotor's motion and is then said."""
-
-VIEW_POINTS = 6000
-"""Samples of a residual that a plot can show."""
 
 
 def trace(
@@ -133,7 +132,7 @@ def trace(
         warnings=warnings,
         elapsed=clock.now() - started,
         model=model_of(final, steps, entries, dut, software_version()),
-        views=_views(sides["held_out"], selection),
+        views=_views(sides, selection, steps, campaign, dut),
     )
 
 
@@ -467,36 +466,14 @@ def _unadded(selection: Selection) -> list[str]:
     return found
 
 
-def _views(pairs: Sequence[_BeforeAfter], selection: Selection) -> tuple[View, ...]:
-    """Give the held-out residual of every equation against the variable of the largest term, or against time."""
-    found = []
-    for equation in dict.fromkeys(pair.after.piece.equation for pair in pairs):
-        own = [pair for pair in pairs if pair.after.piece.equation is equation]
-        moving = [pair for pair in own if pair.after.piece.track.moves] or own
-        procedure = moving[0].after.piece.track.procedure
-        moving = [pair for pair in moving if pair.after.piece.track.procedure is procedure]
-        variables = [d.kind.variable for d in selection.decisions] or ["time"]
-        x = [_variable(pair.after, variables[0]) for pair in moving]
-        joined = np.concatenate(x)
-        before = np.concatenate([pair.before.values for pair in moving])
-        after = np.concatenate([pair.after.values for pair in moving])
-        step = max(1, joined.size // VIEW_POINTS)
-        found.append(
-            View(
-                equation=equation.value,
-                unit=equation.unit,
-                variable=variables[0],
-                procedure=procedure.value,
-                runs=tuple(pair.after.piece.track.name for pair in moving),
-                x=joined[::step],
-                before=before[::step],
-                after=after[::step],
-            )
-        )
-    return tuple(found)
-
-
-def _variable(residual: Residual, name: str) -> np.ndarray:
-    track = residual.piece.track
-    values = {"motor_position": track.motor_position, "output_position": track.output_position}.get(name)
-    return residual.time if values is None else np.interp(residual.time, track.time, values)
+def _views(
+    sides: Mapping[str, Sequence[_BeforeAfter]],
+    selection: Selection,
+    steps: Sequence[Step],
+    campaign: Campaign,
+    dut: Dut,
+) -> Views:
+    pairs = [Pair(side, pair.before, pair.after) for side, pairs in sides.items() for pair in pairs]
+    added = [Added(step.effect, step.variable, tuple(line.order for line in step.lines)) for step in steps]
+    facts = (*facts_of(campaign.train, "train"), *facts_of(campaign.held_out, "held_out"))
+    return views_of(pairs, selection.fit.model, added, facts, dut)

@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 
 from rig.log.run import Run
 from rig.loop.campaign import LoopOptions
+from rig.loop.display import interval_text
 from rig.loop.predict import predict_run
 from rig.loop.result import LoopResult
-from rig.loop.table import interval_text
 from rig.loop.trace import trace
 from rig.papers.figures import label, new_figure
 from rig.papers.item import Outcome, Row, Workbench

@@ -12,12 +12,13 @@ from rich.console import Console
 from drivers.errors import ConfigError
 from rig.config.dut import SHD_17_100
 from rig.loop.campaign import LoopOptions
+from rig.loop.display import interval_text
 from rig.loop.files.model_storage import load_model, write_model
 from rig.loop.model.parameters import parameter_table
 from rig.loop.plot import plot_loop
 from rig.loop.predict import predict_run, write_predictions
 from rig.loop.result import MEANINGS, LoopResult, Verdict
-from rig.loop.table import BASE_PARTS, interval_text, remaining_table, text_of
+from rig.loop.table import BASE_PARTS, remaining_table, text_of
 from rig.loop.trace import trace
 from sim_backend.model.compliance import LAWS, Compliance
 from tests.rig.loop.runs import dut, make_run, turning_run

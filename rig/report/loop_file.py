@@ -1,0 +1,151 @@
+"""What a report reads of `loop.json` and `model.json`: tolerant of what is absent and of what is new."""
+
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import BaseModel, ConfigDict, Field, JsonValue
+
+
+class Tolerant(BaseModel):
+    """Base of everything that is read: frozen; unknown keys are passed over, a wrong kind of value is an error."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore", strict=True, allow_inf_nan=False)
+
+
+Pair: TypeAlias = Annotated[tuple[float | None, float | None], Field(strict=False)]
+Names: TypeAlias = Annotated[tuple[str, ...], Field(strict=False)]
+
+
+class Errors(Tolerant):
+    """Error of one equation before and after, in its unit, and the floor below it."""
+
+    rms_before: float | None = None
+    rms_after: float | None = None
+    max_before: float | None = None
+    max_after: float | None = None
+    floor: float | None = None
+    floor_ci95: Pair | None = None
+    by_procedure: dict[str, "Errors"] = {}
+
+
+class Equation(Tolerant):
+    """Errors of one equation on both sides."""
+
+    unit: str = ""
+    held_out: Errors | None = None
+    train: Errors | None = None
+
+
+class Line(Tolerant):
+    """One line of a periodic term."""
+
+    order: float
+    amplitude: float
+    phase: float
+
+
+class Estimate(Tolerant):
+    """A value with its interval and unit."""
+
+    value: float | None = None
+    ci95: Pair | None = None
+    unit: str = ""
+
+
+class Candidate(Tolerant):
+    """A class that was tried."""
+
+    effect: str
+    gain: float | None = None
+    p_value: float | None = None
+
+
+class Shift(Tolerant):
+    """How a base parameter moved."""
+
+    start: float | None = Field(default=None, alias="from")
+    end: float | None = Field(default=None, alias="to")
+    unit: str = ""
+
+
+class NextExperiment(Tolerant):
+    """What to measure next."""
+
+    why: str = ""
+    command: str = ""
+    expected_separation_sigma: float | None = None
+    minutes: float | None = None
+
+
+class Step(Tolerant):
+    """One term that was added."""
+
+    verdict: str
+    effect: str
+    members: Names = Field(default=(), alias="set")
+    variable: str = ""
+    shape: str = ""
+    lines: Annotated[tuple[Line, ...], Field(strict=False)] = ()
+    equation: str = ""
+    parameters: dict[str, Estimate] = {}
+    candidates: Annotated[tuple[Candidate, ...], Field(strict=False)] = ()
+    p_value: float | None = None
+    shift: dict[str, Shift] = {}
+    next_experiment: NextExperiment | None = None
+
+
+class Open(Tolerant):
+    """A statement that remains open."""
+
+    verdict: str
+    group: Names = ()
+    parameter: str | None = None
+    deviation: float | None = None
+    times: Annotated[tuple[float, ...], Field(strict=False)] = ()
+    evidence: dict[str, JsonValue] = {}
+    next_experiment: NextExperiment | None = None
+
+
+class Runs(Tolerant):
+    """Names of the runs on both sides."""
+
+    train: Names = ()
+    held_out: Names = ()
+
+
+class LoopFile(Tolerant):
+    """The content of `loop.json`."""
+
+    schema_: Literal["rig.loop/1"] = Field(alias="schema")
+    runs: Runs = Runs()
+    verdict: str
+    effects: Names = ()
+    equations: dict[str, Equation] = {}
+    steps: Annotated[tuple[Step, ...], Field(strict=False)] = ()
+    open: Annotated[tuple[Open, ...], Field(strict=False)] = ()
+    warnings: Names = ()
+    elapsed_s: float | None = None
+
+
+class DutPart(Tolerant):
+    """What a report says of the device."""
+
+    name: str = ""
+    gear: dict[str, JsonValue] = {}
+    motor: dict[str, JsonValue] = {}
+
+
+class BasePart(Tolerant):
+    """The base model and its parameters."""
+
+    model: str = ""
+    ratio: float | None = None
+    parameters: dict[str, Estimate] = {}
+
+
+class ModelFile(Tolerant):
+    """The content of `model.json`."""
+
+    schema_: Literal["rig.model/1"] = Field(alias="schema")
+    dut: DutPart = DutPart()
+    base: BasePart = BasePart()
+    software: str = ""

@@ -1,0 +1,133 @@
+"""The statement of a loop in one sentence, and the names of effects in words."""
+
+from collections.abc import Sequence
+
+from rig.loop.result import MEANINGS, Verdict
+from rig.report.loop_file import Equation, LoopFile, Open, Step
+from rig.report.numbers import error_scale, scaled
+
+WORSE = 0.02
+"""Share by which an error must have grown to be called worse in the statement."""
+
+
+def statement(loop: LoopFile) -> str:
+    """Say what was found and what it did to the error of runs that took no part."""
+    return f"{_finding(loop)}{_effect_on_errors(loop)}."
+
+
+def effect_words(effect: str) -> str:
+    """Give the id of an effect in words: a set as alternatives, an unnamed one by its variable and shape."""
+    if effect.startswith("ambiguous:"):
+        return " or ".join(effect_words(part) for part in effect.removeprefix("ambiguous:").split("|"))
+    if effect.startswith("unnamed:"):
+        _, variable, shape = (*effect.split(":"), "", "")[:3]
+        return f"something {shape} in {variable} that no effect of the catalogue is"
+    return effect
+
+
+def listed(names: Sequence[str], word: str = "and") -> str:
+    """Give names as in a sentence: a, b and c."""
+    if len(names) < 2:
+        return "".join(names)
+    return f"{', '.join(names[:-1])} {word} {names[-1]}"
+
+
+def meaning_of(verdict: str) -> str:
+    """Say what a verdict means; of one that is not known, nothing."""
+    return MEANINGS[Verdict(verdict)] if verdict in list(Verdict) else ""
+
+
+def place_of(item: Open) -> str:
+    """Say of what an open statement speaks."""
+    places = [str(item.evidence[key]) for key in ("equation", "procedure") if item.evidence.get(key)]
+    return " in ".join(places) or listed(item.group, "or") or "this campaign"
+
+
+def largest_drop(loop: LoopFile) -> str | None:
+    """Give the equation whose held-out error fell most, None where none is known before and after."""
+    falls = {name: fall for name, item in loop.equations.items() if (fall := _fall(item)) is not None}
+    return max(falls, key=lambda name: falls[name]) if falls else None
+
+
+def _finding(loop: LoopFile) -> str:
+    added = [effect_words(step.effect) for step in loop.steps]
+    match loop.verdict:
+        case "none":
+            return "Nothing is missing as far as these runs tell: what is left is noise"
+        case "absorbed":
+            return _absorbed(loop)
+        case "untraced" | "uncontrolled":
+            found = f", after adding {listed(added)}," if added else ""
+            return (
+                f"What is left of {listed(_open_equations(loop)) or 'the error'}{found} could not be traced to a cause"
+            )
+        case "ambiguous":
+            sets = [effect_words(step.effect) for step in loop.steps if step.verdict == "ambiguous"]
+            sets += [listed(item.group, "or") for item in loop.open if item.verdict == "ambiguous"]
+            others = [effect_words(step.effect) for step in loop.steps if step.verdict != "ambiguous"]
+            also = f"; {listed(others)} is told for sure" if others else ""
+            return f"The model lacks {listed(sets)}: these runs cannot tell which{also}"
+        case _:
+            return f"The model lacks {listed(added) or 'something'}"
+
+
+def _absorbed(loop: LoopFile) -> str:
+    item = next((item for item in loop.open if item.verdict == "absorbed"), None)
+    if item is None or item.parameter is None or item.deviation is None:
+        return "A base parameter is away from its catalogue value, and several causes could have moved it"
+    side = "below" if item.deviation < 0.0 else "above"
+    causes = f": {listed(item.group, 'or')} could have moved it" if item.group else ""
+    return f"{item.parameter} is {100.0 * abs(item.deviation):.1f} % {side} its catalogue value{causes}"
+
+
+def _effect_on_errors(loop: LoopFile) -> str:
+    held = len(loop.runs.held_out)
+    untraced = [name for name in _open_equations(loop) if name in loop.equations]
+    name = untraced[0] if untraced and not loop.steps else largest_drop(loop)
+    if name is None:
+        return ""
+    found = loop.equations[name].held_out
+    if found is None:
+        return ""
+    unit, scale = error_scale(loop.equations[name].unit)
+    runs = f"{held} held-out run{'s' if held != 1 else ''}"
+    floor = f" (noise alone leaves {scaled(found.floor, scale, 3)} {unit})" if found.floor is not None else ""
+    before, after = scaled(found.rms_before, scale, 3), scaled(found.rms_after, scale, 3)
+    if not loop.steps:
+        return f"; on {runs} the error of {name} is {after} {unit} rms{floor}"
+    way = "falls" if (found.rms_after or 0.0) < (found.rms_before or 0.0) else "goes"
+    worse = [_rise(other, loop.equations[other]) for other in loop.equations if _is_worse(loop.equations[other])]
+    but = f", but that of {listed(worse)}" if worse else ""
+    return f"; on {runs} the error of {name} {way} from {before} to {after} {unit} rms{floor}{but}"
+
+
+def _open_equations(loop: LoopFile) -> list[str]:
+    """Give the equations of which the campaign's verdict is said, each once."""
+    told = [item.evidence.get("equation") for item in loop.open if item.verdict == loop.verdict]
+    return list(dict.fromkeys(name for name in told if isinstance(name, str)))
+
+
+def _is_worse(item: Equation) -> bool:
+    fall = _fall(item)
+    return fall is not None and fall < -WORSE
+
+
+def _rise(name: str, item: Equation) -> str:
+    unit, scale = error_scale(item.unit)
+    found = item.held_out
+    if found is None:
+        return name
+    return f"{name} rises from {scaled(found.rms_before, scale, 3)} to {scaled(found.rms_after, scale, 3)} {unit}"
+
+
+def _fall(item: Equation) -> float | None:
+    found = item.held_out
+    if found is None or not found.rms_before or found.rms_after is None:
+        return None
+    return 1.0 - found.rms_after / found.rms_before
+
+
+def title_of(step: Step) -> str:
+    """Give the heading of a step."""
+    words = effect_words(step.effect)
+    return words[0].upper() + words[1:] if step.effect.startswith("unnamed:") else words
