@@ -206,8 +206,9 @@ MENU: tuple[Entry, ...] = (
         _FREE,
         "whole motor turns in both directions",
         dwell=_SHORT,
-        speeds=_speed(0.125, 0.235),
+        speeds=_speed(0.125, 0.175, 0.235),
         turns=_plain(1),
+        repeats=_plain(1),
     ),
     _entry(
         _FREE,
