@@ -172,7 +172,7 @@ def _few(pieces: Sequence[Piece]) -> tuple[list[Piece], float]:
     kept = {piece.track.procedure: piece.track.name for piece in thinned}
     chosen = {*names[::step], *kept.values()}
     few = [piece for piece in thinned if piece.track.name in chosen]
-    return few, sum(piece.index.size for piece in few) / sum(piece.index.size for piece in thinned)
+    return few, sum(piece.index.size for piece in few) / sum(piece.index.size for piece in pieces)
 
 
 def _start(effect: str, ground: Ground, removed: Sequence[Line], shapes: Mapping[str, Model]) -> Model | None:
