@@ -18,7 +18,7 @@ def proposal(result, members):
     return step["next_experiment"]
 
 
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(600)
 @pytest.mark.parametrize(
     ("campaign", "effect", "values", "members", "procedure"),
     [
@@ -48,7 +48,7 @@ def test_the_printed_command_ends_the_ambiguity(tmp_path, campaign, effect, valu
     assert not any(step["next_experiment"] for step in result["steps"])
 
 
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(600)
 def test_what_no_run_of_the_bench_tells_apart_is_said_with_what_does_and_no_command(tmp_path):
     bench = truth(tmp_path, "torque-sensor-lag", time_constant=0.005)
     record(bench, SINGLE_RATE, 53, tmp_path / "first")
