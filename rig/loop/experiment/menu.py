@@ -90,6 +90,7 @@ _SHORT = _plain(2.0)
 _WHOLE = _plain(1.0)
 _LOCKED, _BACKDRIVE, _FREE = "locked-output", "backdrive", "free-run"
 
+# the first rate has the replicates, from which the floor comes: at the fastest one the rotor swings, and raises it
 MENU: tuple[Entry, ...] = (
     _entry(
         _LOCKED, "six start angles", dwell=_SHORT, start_angles=_plain(6), amplitudes=_WHOLE, rates=_motor(1.0 / 1.5)
@@ -109,7 +110,7 @@ MENU: tuple[Entry, ...] = (
         start_angles=_plain(1),
         replicate_pairs=_plain(1),
         amplitudes=_WHOLE,
-        rates=_motor(1.0, 0.5, 0.25, 0.125, 0.0625),
+        rates=_motor(0.25, 1.0, 0.5, 0.125, 0.0625),
     ),
     _entry(
         _LOCKED,
@@ -118,7 +119,7 @@ MENU: tuple[Entry, ...] = (
         start_angles=_plain(1),
         replicate_pairs=_plain(1),
         amplitudes=_WHOLE,
-        rates=_motor(1.0, 0.5),
+        rates=_motor(0.5, 1.0),
     ),
     _entry(
         _LOCKED,
@@ -191,7 +192,7 @@ MENU: tuple[Entry, ...] = (
         dwell=_SHORT,
         start_angles=_plain(1),
         amplitudes=_WHOLE,
-        rates=_output(1.0, 0.5, 0.25, 0.0625),
+        rates=_output(0.25, 0.5, 0.125, 0.0625),
     ),
     _entry(
         _BACKDRIVE,

@@ -195,8 +195,9 @@ def _sentence(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _by_hand(effects: Sequence[str]) -> str:
+def _by_hand(effects: Iterable[str]) -> str:
     """Say that no run of this bench tells these apart, and what does."""
+    effects = sorted(effects)
     pairs = {frozenset((a, b)) for k, a in enumerate(effects) for b in effects[k + 1 :]}
     known = [text for pair, text in BY_HAND.items() if pair in pairs]
     ways = known or [f"{name}: {CATALOGUE[name].separated_by}" for name in effects if name in CATALOGUE]

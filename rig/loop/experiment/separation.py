@@ -35,23 +35,28 @@ TYPICAL_COUNTS = 16384
 
 @dataclass(frozen=True, slots=True)
 class Coming:
-    """A piece of a planned run, and for how many samples of the fit each of its own stands."""
+    """A piece of a planned run, and for how many samples of the fit each of its own stands.
+
+    `group`: number of the run among those that are no replicates of each other; a group is held out as a whole.
+    """
 
     piece: Piece
     times: float
+    group: int
 
 
 @dataclass(frozen=True, slots=True)
 class Forecast:
-    """What one rival says of a planned run, every sample in standard deviations.
+    """What one rival says of planned runs, every sample in standard deviations.
 
     `value` (n,): prediction, up to what all rivals share; `jacobian` (n, p): its derivatives; `known` (p, p): what
-    training runs and priors tell of its parameters.
+    training runs and priors tell of its parameters. `groups` (n,): number of the group of runs of every sample.
     """
 
     value: Floats
     jacobian: Floats
     known: Floats
+    groups: NDArray[np.intp]
 
 
 def pieces_to_come(tracks: Sequence[tuple[Track, int]], model: Model, cycle_time: float) -> tuple[Coming, ...]:
@@ -60,13 +65,13 @@ def pieces_to_come(tracks: Sequence[tuple[Track, int]], model: Model, cycle_time
     `tracks`: each with how often it is run; `cycle_time`: s between the samples of a log.
     """
     found = []
-    for track, count in tracks:
+    for number, (track, count) in enumerate(tracks):
         step = cycle_time if track.moves else max(cycle_time, SMOOTHING)
         for piece in pieces_of(track, model.ratio):
             settled = predict(piece, model).settled[piece.index]
             if settled.sum() >= FEWEST_SAMPLES:
                 kept = replace(piece, index=piece.index[settled], target=piece.target[settled])
-                found.append(Coming(kept, count * track.period / step))
+                found.append(Coming(kept, count * track.period / step, number))
     return tuple(found)
 
 
@@ -86,14 +91,23 @@ def forecast(rival: Rival, coming: Sequence[Coming], noise: Mapping[Kind, Noise]
         scale = math.sqrt(planned.times * item.weight)
         values.append(scale * value)
         jacobians.append(scale * jacobian)
-    return Forecast(np.concatenate(values), np.concatenate(jacobians), known)
+    groups = np.repeat([item.group for item in coming], [item.piece.index.size for item in coming])
+    return Forecast(np.concatenate(values), np.concatenate(jacobians), known, groups)
 
 
 def apart(truth: Forecast, tested: Forecast, repeat: int = 1) -> float:
-    """Give the squares by which the run, made `repeat` times, speaks against `tested` if `truth` is true."""
-    difference = truth.value - tested.value
-    A = tested.known + repeat * tested.jacobian.T @ tested.jacobian
-    g = repeat * tested.jacobian.T @ difference
+    """Give the squares by which the runs, made `repeat` times, speak against `tested` if `truth` is true.
+
+    Of several groups of runs one is held out by the loop, and it may be the one that tells most.
+    """
+    difference, numbers = truth.value - tested.value, np.unique(tested.groups)
+    left = [tested.groups != number for number in numbers] if numbers.size > 1 else [np.ones(difference.size, bool)]
+    return min(_against(difference[rows], tested.jacobian[rows], tested.known, repeat) for rows in left)
+
+
+def _against(difference: Floats, jacobian: Floats, known: Floats, repeat: int) -> float:
+    g = repeat * jacobian.T @ difference
+    A = known + repeat * jacobian.T @ jacobian
     return max(0.0, repeat * float(difference @ difference) - float(g @ solve(A, g)))
 
 
