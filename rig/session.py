@@ -18,8 +18,9 @@ from drivers.types import DeviceInfo
 from procedures.intents import Result
 from procedures.plan import BenchFacts, PlannedRun, Procedure
 from rig.bench import Bench
-from rig.config.bench import ROLES, SIGNED_SIGNALS, BenchFile, Lock
-from rig.config.dut import Dut, Gear, Rotation
+from rig.config.bench import ROLES, SIGNED_SIGNALS, BenchFile
+from rig.config.dut import Dut
+from rig.facts import bench_facts
 from rig.log.names import writable_folder
 from rig.log.run import RunEvent
 from rig.log.writer import LogWriter
@@ -34,21 +35,6 @@ SET_UP_FOLDER = "set-up"
 
 LOG_SO_FAR = "The log up to here is complete: "
 """What the note begins with that names the log of a run which did not go as planned."""
-
-STARTING_SHARE = 0.1
-"""Starting torque in shares of rated torque / ratio, where the dut file names none (0.075 on the shipped drive)."""
-
-BACKDRIVING_SHARE = 1.7
-"""Backdriving torque in starting torques times the ratio, where the dut file names none; as on the shipped drive."""
-
-MOTOR_COUNTS = 16384
-"""Motor encoder counts per revolution where the dut file names none; the drives do not tell."""
-
-HYSTERESIS_LOSS = 1.8e-4
-"""rad at the output where the dut file names none; catalogues state 0.6 to 2 arc minutes."""
-
-MOTOR_INERTIA, INERTIA_TORQUE = 2.2e-5, 0.16
-"""Rotor, kg*m^2, of a motor for so much rated torque (N*m); others scale with torque^(5/3), as bodies of one shape."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,51 +94,6 @@ class Watcher:
     on_assumed: Callable[[str], None] = lambda line: tell(f"assumed: {line}")
 
 
-def bench_facts(bench: Bench, dut: Dut) -> BenchFacts:
-    """Give what procedures may know of bench and device; what the dut lacks is guessed and named in `assumed`.
-
-    Raises ConfigError if the dut lacks what they all scale by: ratio and rated torque.
-    """
-    gear, limits = dut.gear, bench.config.limits.frozen()
-    missing = [
-        Mistake(f"gear.{name}", None, f"missing; it scales torques and speeds of the procedures: {Gear.wanted(name)}")
-        for name in ("ratio", "rated_torque")
-        if getattr(gear, name) is None
-    ]
-    if gear.ratio is None or gear.rated_torque is None:
-        raise ConfigError(f"dut '{dut.name}'", missing)
-    assumed: list[str] = []
-
-    def known(path: str, value: float | None, guess: float, unit: str) -> float:
-        if value is None:
-            assumed.append(f"{path} = {guess:.6g} {unit} for the procedures (not in the dut file)")
-        return guess if value is None else value
-
-    starting_guess = STARTING_SHARE * gear.rated_torque / gear.ratio
-    starting = known("gear.starting_torque", gear.starting_torque, starting_guess, "N*m")
-    backdriving_guess = BACKDRIVING_SHARE * starting * gear.ratio
-    loss = known("gear.hysteresis_loss", gear.hysteresis_loss, HYSTERESIS_LOSS, "rad")
-    inertia_guess = MOTOR_INERTIA * (gear.rated_torque / gear.ratio / INERTIA_TORQUE) ** (5 / 3)
-    return BenchFacts(
-        ratio=gear.ratio,
-        rated_torque=gear.rated_torque,
-        starting_torque=starting,
-        backdriving_torque=known("gear.backdriving_torque", gear.backdriving_torque, backdriving_guess, "N*m"),
-        # Zhang, Ahmad & Liu 2014, equation (33)
-        wave_generator_stiffness=2.0 * starting / (gear.ratio * loss),
-        motor_inertia=known("motor.inertia", dut.motor.inertia, inertia_guess, "kg*m^2"),
-        motor_counts=round(known("motor.encoder_counts", dut.motor.encoder_counts, MOTOR_COUNTS, "per revolution")),
-        cycle_time=bench.config.cycle_time,
-        limits=limits,
-        has_load_drive=bench.has("load"),
-        has_lock=bench.config.fixture.lock is not Lock.NONE,
-        has_output_encoder=bench.has("output_encoder"),
-        has_torque_sensor=bench.has("torque_sensor"),
-        opposed=gear.rotation is Rotation.OPPOSED,
-        assumed=tuple(assumed),
-    )
-
-
 def check_equipment(job: Job, facts: BenchFacts) -> None:
     """Raise ConfigError if the bench lacks what the procedure needs, before anything moves."""
     procedure = job.procedure
@@ -207,7 +148,7 @@ def run_jobs(session: Session, jobs: Sequence[Job]) -> tuple[JobRecord, ...]:
     The bench is opened and closed around each run: every run starts from devices that were configured and read back
     just before, and nothing waits for a heartbeat while results are computed.
     """
-    facts = bench_facts(session.bench, session.dut)
+    facts = bench_facts(session.bench.config, session.dut)
     for line in facts.assumed:
         session.watcher.on_assumed(line)
     plans = plan_jobs(facts, jobs)

@@ -13,7 +13,7 @@ from rig.bench import Bench
 from rig.config.bench import SIMULATED, BenchFile, Device, Lock
 from rig.config.catalogue import beyond_limits
 from rig.config.dut import Dut, Rotation, default_dut
-from rig.loop.files.model_file import Model, ModelEffect
+from rig.loop.files.model_file import Model, ModelEffect, ModelLine
 from rig.loop.model.frames import turned, turned_shape
 from rig.loop.model.parameters import flexspline_entries
 from rig.loop.model.shapes import ShapeTerm, named_effect
@@ -52,6 +52,9 @@ PLANT_LAWS: Mapping[Compliance, type[Cubic] | type[Piecewise]] = MappingProxyTyp
     {Compliance.CUBIC: Cubic, Compliance.PIECEWISE: Piecewise}
 )
 """Laws that the plant takes in place of the drive's own."""
+
+SAME_ORDER = 1e-3
+"""1/rev within which a line has the order that an effect of fixed order has."""
 
 VISCOUS_SHARE = 0.01
 """Assumed viscous friction at the motor, N*m*s/rad per N*m of starting torque: 1.2e-4 N*m*s for 12 mN*m."""
@@ -265,12 +268,17 @@ def drive_of_model(model: Model, assumed: list[str]) -> HarmonicDrive:
     values = _estimated(catalogue, _arctan_of_catalogue(catalogue) if _lacks_arctan(model) else _unused_arctan(model))
     values |= {name: fitted[name] for name in ("K_F0", "C_F", "K_w0", "C_w") if name in fitted}
     values["ratio"] = model.base.ratio or values["ratio"]
-    if "T_fs" in fitted:
-        values["friction_torque"] = values["ratio"] * fitted["T_fs"]
+    # of free runs alone the running friction is known, and the plant has one level for both
+    level = fitted.get("T_fs", fitted.get("T_c"))
+    if level is not None and level > 0.0:
+        values["friction_torque"] = values["ratio"] * level
     if "b" in fitted:
         values["viscous_friction"] = max(0.0, fitted["b"])
     needed = (*LAWS[model.base.law].parameters, "K_w0", "C_w", "T_fs", "b")
     missing = [name for name in needed if name not in fitted]
+    if "T_fs" in missing and level is not None and level > 0.0:
+        missing.remove("T_fs")
+        assumed.append(f"T_fs as the running friction T_c, {level:.4g} N*m (no T_fs in the model)")
     if missing:
         assumed.append(f"{', '.join(missing)} from the dut's catalogue values (not in the model)")
     return HarmonicDrive(**values)
@@ -320,30 +328,61 @@ def flexspline_of_model(model: Model) -> Cubic | Piecewise | None:
 
 
 def effects_of_model(model: Model, assumed: list[str]) -> tuple[ActiveEffect, ...]:
-    """Give the fitted effects as the plant takes them, one per line.
+    """Give the fitted effects as the plant takes them, one per line; what it cannot run is said in `assumed`.
 
-    A term without a catalogue name runs as the catalogue's effect of the same equation, variable and shape.
+    A term without a catalogue name runs as the catalogue's effect of the same equation, variable and shape; where there
+    is none, as one that follows the other angle, through the gear.
     """
     active: list[ActiveEffect] = []
     for fitted in model.effects:
-        alike = (k.effect for k in periodic_effects() if (k.variable, k.enters) == (fitted.variable, fitted.enters))
         effect = named_effect(fitted.effect, fitted.parameters.keys())
-        if fitted.lines and (effect is None or not is_line(effect)):
-            effect = CATALOGUE.get(next(alike, None) or "")
-        if effect is None:
+        if fitted.lines:
+            own = effect if effect is not None and is_line(effect) else None
+            for line in fitted.lines:
+                active += _line_of_model(fitted, line, own, model, assumed)
+        elif effect is None:
             assumed.append(f"'{fitted.effect}' is left out: the simulated bench has no such effect")
-            continue
-        if not is_line(effect):
+        else:
             active += _shape_of_model(fitted, effect, model.dut, assumed)
-            continue
-        kind = TermClass(None, Entry(fitted.enters), fitted.variable)
-        for line in fitted.lines:
-            sine, cosine = line.amplitude * math.cos(line.phase), line.amplitude * math.sin(line.phase)
-            # the plant turns its output against the motor, whatever the log's frame is
-            phase = turned(Line(kind, line.order, sine, cosine), model.dut).phase
-            values = {"order": line.order, "amplitude": line.amplitude, "phase": phase}
-            active.append(ActiveEffect(effect, tuple(values[p.name] for p in effect.parameters)))
     return tuple(active)
+
+
+def _line_of_model(
+    fitted: ModelEffect, line: ModelLine, effect: Effect | None, model: Model, assumed: list[str]
+) -> Iterator[ActiveEffect]:
+    """Give one line as the plant takes it (`effect`: of its name); one that it cannot run is left out, and said."""
+    if effect is None:
+        effect, order, mirrored = _of_no_name(fitted, line.order, model.base.ratio)
+    else:
+        order, mirrored = line.order, False
+    if effect is None:
+        assumed.append(
+            f"'{fitted.effect}' is left out: the simulated bench has no effect in '{fitted.enters}' that follows "
+            f"{fitted.variable} at order {line.order:.6g}; its logs will lack the line of {line.amplitude:.3g}"
+        )
+        return
+    sine, cosine = line.amplitude * math.cos(line.phase), line.amplitude * math.sin(line.phase)
+    kind = TermClass(None, Entry(fitted.enters), fitted.variable)
+    # the plant turns its output against the motor, whatever the log's frame is
+    phase = turned(Line(kind, line.order, sine, cosine), model.dut).phase
+    values = {"order": order, "amplitude": line.amplitude, "phase": math.pi - phase if mirrored else phase}
+    yield ActiveEffect(effect, tuple(values[p.name] for p in effect.parameters))
+
+
+def _of_no_name(fitted: ModelEffect, order: float, ratio: float | None) -> tuple[Effect | None, float, bool]:
+    """Give an effect of the catalogue that acts alike, its order, and whether it follows the other angle.
+
+    The other angle runs back, and its zero is the plant's: output_position = -motor_position / ratio.
+    """
+    geared = {} if ratio is None else {"motor_position": order * ratio, "output_position": order / ratio}
+    other = {"motor_position": "output_position", "output_position": "motor_position"}.get(fitted.variable, "")
+    for variable, there in ((fitted.variable, order), (other, geared.get(fitted.variable))):
+        for kind in periodic_effects():
+            low, high = kind.orders
+            acts = (kind.variable, kind.enters) == (variable, fitted.enters) and kind.effect is not None
+            if acts and there is not None and low - SAME_ORDER <= there <= high + SAME_ORDER:
+                return CATALOGUE[kind.effect or ""], there, variable == other
+    return None, order, False
 
 
 def _shape_of_model(fitted: ModelEffect, effect: Effect, dut: Dut, assumed: list[str]) -> Iterator[ActiveEffect]:

@@ -21,6 +21,7 @@ from rig.commands.measurements import measurement_table
 from rig.config.bench import BenchFile, Lock, load_bench, naming_the_bench
 from rig.config.catalogue import doubt
 from rig.config.dut import Dut, default_dut, load_dut
+from rig.facts import bench_facts
 from rig.log.load import load_run, logs_in
 from rig.log.run import ProcedureName
 from rig.loop.campaign import FEWEST_RUNS
@@ -37,7 +38,6 @@ from rig.session import (
     RunRecord,
     Session,
     Watcher,
-    bench_facts,
     margin_table,
     plan_jobs,
     run_count,
@@ -100,7 +100,7 @@ def run_command(names: tuple[str, ...], options: RunOptions, dry_run: bool) -> N
         return
     with naming_the_bench(options.bench), Stop().listening() as stop:
         bench, operator, backend, assumed = _make_bench(bench_file, dut, model, options)
-        planned = planned_time(plan_jobs(bench_facts(bench, dut), jobs))
+        planned = planned_time(plan_jobs(bench_facts(bench_file, dut), jobs))
         for line in assumed:
             tell(f"assumed: {line}")
         tell(planned)
@@ -197,7 +197,7 @@ def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Mode
     stand_in = as_simulated(bench_file)
     with Stop().listening() as stop, tempfile.TemporaryDirectory() as folder:
         simulated = simulate(stand_in, dut, model, seed=options.seed)
-        planned = planned_time(plan_jobs(bench_facts(simulated.bench, dut), jobs))
+        planned = planned_time(plan_jobs(bench_facts(stand_in, dut), jobs))
         tell(planned)
         records: list[RunRecord] = []
         phases: dict[str, tuple[tuple[float, str], ...]] = {}

@@ -126,7 +126,11 @@ def _statement(item: Open) -> str:
 def _next(experiment: NextExperiment | None) -> list[str]:
     if experiment is None:
         return []
-    return [f"    next: {experiment.why}" + (f" `{experiment.command}`" if experiment.command else "")]
+    sigma, minutes = experiment.expected_separation_sigma, experiment.minutes
+    told = [] if sigma is None else [f"expected separation {sigma:.2g} sigma"]
+    told += [] if minutes is None else [f"{minutes:.2g} minutes of bench time"]
+    lines = [f"    next: {experiment.why}" + (f" ({', '.join(told)})" if told else "")]
+    return lines + ([f"    `{experiment.command}`"] if experiment.command else [])
 
 
 def rows_of(result: LoopResult) -> list[tuple[str, ...]]:

@@ -15,6 +15,7 @@ from rig.config.catalogue import doubt
 from rig.config.dut import Dut
 from rig.log.run import ProcedureName, Run, endings
 from rig.loop.campaign import Campaign, LoopOptions, split_runs
+from rig.loop.experiment.next import with_next_experiments
 from rig.loop.files.model_file import Model as ModelFile
 from rig.loop.files.views_file import Views
 from rig.loop.fitting.fit import BLOCK, Fit, fit, fit_stably, reweighted
@@ -112,6 +113,7 @@ def trace(
     steps = steps_of(selection.decisions, final, base, dut, changes)
     entries = [decision.kind.enters for decision in selection.decisions]
     still_open = open_statements(selection, _after(sides["train"]), _after(sides["held_out"]), equations, dut)
+    steps, still_open = with_next_experiments(steps, selection.decisions, still_open, final, runs, dut, known)
     warnings = (
         *endings(runs),
         *campaign.warnings,

@@ -15,10 +15,11 @@ FORM_ERROR = "flexspline-compliance"
 
 def other_compliance(ground: Ground, largest: float) -> Trial:
     """Score a compliance of another form: odd powers of the torque, relative to `largest` (N*m)."""
-    return try_columns(ground, FORM_ERROR, [_columns(item, largest) for item in ground.fit.linear])
+    return try_columns(ground, FORM_ERROR, [form_columns(item, largest) for item in ground.fit.linear])
 
 
-def _columns(item: LinearPiece, largest: float) -> Floats | None:
+def form_columns(item: LinearPiece, largest: float) -> Floats | None:
+    """Give the columns (m, 2) of a compliance of another form in one piece; None where it does not act."""
     track = item.piece.track
     if item.piece.equation is not Equation.TORSION or track.T is None or track.moves or largest <= 0.0:
         return None

@@ -5,15 +5,14 @@ is reported as `untraced` with its evidence.
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence, Set
 
 import numpy as np
 
 from rig.config.dut import Dut
-from rig.log.run import ProcedureName
 from rig.loop.model.equations import Equation
 from rig.loop.model.parameters import flexspline_entries
-from rig.loop.result import EquationResult, Json, NextExperiment, Open, Verdict
+from rig.loop.result import EquationResult, Json, Open, Verdict
 from rig.loop.search.acceptance import LEAST_IMPROVED
 from rig.loop.search.select import LEAST_SLOPE, QUOTIENT, Selection
 from rig.loop.statements.evidence import Memory, Repeats, memory, repeats
@@ -81,10 +80,6 @@ def _without_floor(
                 "missing": missing,
                 "meaning": "no equation has a floor, so that nothing tells whether what is left is noise",
             },
-            next_experiment=NextExperiment(
-                "A run repeated under the same conditions shows what noise leaves.",
-                _run_again([piece.track.procedure for piece in pieces], " --repeat 2"),
-            ),
         )
     ]
 
@@ -117,10 +112,6 @@ def _remembering(item: Memory) -> Open:
             "ljung_box_per_lag": item.ljung_box,
             "meaning": f"the residual has structure that no term explains; no run was repeated, and {known}",
         },
-        next_experiment=NextExperiment(
-            "A run repeated under the same conditions tells whether this repeats or is noise.",
-            _run_again([item.procedure], " --repeat 2"),
-        ),
     )
 
 
@@ -137,17 +128,7 @@ def _untraced(item: Repeats) -> Open:
             "ljung_box_per_lag": item.ljung_box,
             "meaning": "the residual repeats between replicates, but no term explains it",
         },
-        next_experiment=NextExperiment(
-            "See at which rates, amplitudes and angles the residual changes.",
-            _run_again([item.procedure]),
-        ),
     )
-
-
-def _run_again(procedures: Iterable[str], option: str = "") -> str:
-    """Give the command that runs these procedures, each once; empty where `rig run` has none of them."""
-    names = [name for name in dict.fromkeys(procedures) if name != ProcedureName.OTHER]
-    return f"rig run {' '.join(names)}{option}" if names else ""
 
 
 def _shapes(selection: Selection) -> list[Open]:
@@ -261,10 +242,6 @@ def _slope(selection: Selection) -> list[Open]:
                 "p_value": trial.single_p,
                 "meaning": "the two torques do not agree, and these runs cannot tell which one is wrong",
             },
-            next_experiment=NextExperiment(
-                "Dead weights on a lever test the torque sensor; the back-EMF tests the torque constant.",
-                "rig run backdrive",
-            ),
         )
     ]
 
@@ -296,10 +273,5 @@ def _absorbed(selection: Selection, dut: Dut) -> list[Open]:
                 "unit": stiffness.unit,
                 "meaning": "these runs cannot separate the members of the group",
             },
-            next_experiment=NextExperiment(
-                "Dead weights on a lever test the torque sensor, a gauge on the fixture its compliance; a backdrive "
-                "does not see the fixture.",
-                "rig run backdrive",
-            ),
         )
     ]

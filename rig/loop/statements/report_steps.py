@@ -14,7 +14,7 @@ from rig.loop.model.equations import Equation
 from rig.loop.model.frames import turned, turned_shape, wrapped
 from rig.loop.model.shapes import ShapeTerm
 from rig.loop.model.terms import Line
-from rig.loop.result import Estimate, LineResult, NextExperiment, Shift, Step, Verdict
+from rig.loop.result import Estimate, LineResult, Shift, Step
 from rig.loop.search.select import Decision
 
 Floats = NDArray[np.float64]
@@ -62,7 +62,6 @@ def steps_of(
                 p_value=decision.p_value,
                 held_out=held_out,
                 shift=shifts(base, final),
-                next_experiment=separating_experiment(decision) if decision.verdict is Verdict.AMBIGUOUS else None,
             )
         )
     return tuple(made)
@@ -191,22 +190,3 @@ def model_of(final: Fit, steps: Sequence[Step], enters: Sequence[str], dut: Dut,
 
 def _as_model(estimate: Estimate) -> ModelEstimate:
     return ModelEstimate(value=estimate.value, ci95=estimate.ci95, unit=estimate.unit)
-
-
-def separating_experiment(decision: Decision) -> NextExperiment:
-    """Give the run that separates the members of an ambiguous set."""
-    members = set(decision.members)
-    if "motor-encoder-eccentricity" in members:
-        return NextExperiment(
-            "The encoder's own error turns with the encoder: re-clock it against the wave generator and run again.",
-            "rig run free-run --set free-run.turns=2",
-        )
-    if "position-dependent-friction" in members:
-        return NextExperiment(
-            "Friction flips with the direction, a detent torque does not: turn slowly in both directions.",
-            "rig run free-run --set free-run.turns=2 --set free-run.repeats=2",
-        )
-    return NextExperiment(
-        "An angle error follows the wave generator, a stiffness follows the torque: start from several angles.",
-        "rig run locked-output free-run --set locked-output.start_angles=8",
-    )

@@ -163,6 +163,9 @@ def test_physics_of_no_catalogue_is_unnamed_with_its_variable_and_shape(
     assert [(step.verdict, step.variable, step.shape) for step in result.steps] == [
         (Verdict.UNNAMED, variable, Shape.STATIC)
     ]
+    further = result.steps[0].next_experiment
+    assert further is not None
+    assert further.command.startswith("rig run locked-output ")
     torsion = result.equations["torsion"].held_out
     assert torsion is not None
     assert torsion.rms_after < 0.85 * torsion.rms_before

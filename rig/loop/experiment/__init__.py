@@ -1,0 +1,1 @@
+"""What to measure next: the menu of runs, the rivals refitted, and which run tells them apart in least time."""

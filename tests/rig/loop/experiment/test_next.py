@@ -1,0 +1,58 @@
+"""What is open, the next experiment closes: the command in `loop.json`, typed at the same bench, settles it."""
+
+import pytest
+
+from tests.rig.loop.experiment.hidden import loop, record, truth
+
+SINGLE_RATE = (
+    "rig run locked-output --repeat 2 --set locked-output.dwell=2 --set locked-output.start_angles=2 "
+    "--set locked-output.amplitudes=1 --set locked-output.rates=0.06"
+)
+LOCKED_ONLY = "rig run locked-output --set locked-output.dwell=2 --set locked-output.start_angles=4"
+
+
+def proposal(result, members):
+    """Give the next experiment of the step that leaves these effects open."""
+    (step,) = (step for step in result["steps"] if step["verdict"] == "ambiguous")
+    assert members <= set(step["set"])
+    return step["next_experiment"]
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize(
+    ("campaign", "effect", "values", "members", "procedure"),
+    [
+        (SINGLE_RATE, "maxwell-slip", {}, {"creep", "maxwell-slip"}, ""),
+        (
+            LOCKED_ONLY + " --set locked-output.rates=0.12",
+            "fixture-compliance",
+            {"amplitude": 3e-5},
+            {"fixture-compliance", "flexspline-compliance"},
+            "backdrive",
+        ),
+    ],
+    ids=["one rate", "fixture always closed"],
+)
+def test_the_printed_command_ends_the_ambiguity(tmp_path, campaign, effect, values, members, procedure):
+    bench = truth(tmp_path, effect, **values)
+    record(bench, campaign, 51, tmp_path / "first")
+    told = proposal(loop([tmp_path / "first"], tmp_path / "before"), members)
+    assert told["command"].startswith(f"rig run {procedure}")
+    assert all(member in told["why"] for member in members)
+    assert told["expected_separation_sigma"] > 5.0
+    assert 0.1 < told["minutes"] < 5.0
+    record(bench, told["command"], 52, tmp_path / "second")
+    result = loop([tmp_path / "first", tmp_path / "second"], tmp_path / "after")
+    assert result["verdict"] == "named"
+    assert result["effects"] == [effect]
+    assert not any(step["next_experiment"] for step in result["steps"])
+
+
+@pytest.mark.timeout(600)
+def test_what_no_run_of_the_bench_tells_apart_is_said_with_what_does_and_no_command(tmp_path):
+    bench = truth(tmp_path, "torque-sensor-lag", time_constant=0.005)
+    record(bench, SINGLE_RATE, 53, tmp_path / "first")
+    told = proposal(loop([tmp_path / "first"], tmp_path / "loop"), {"channel-delay", "torque-sensor-lag"})
+    assert told["command"] == ""
+    assert told["expected_separation_sigma"] is None
+    assert told["why"].startswith("No run of this bench tells channel-delay | torque-sensor-lag apart; by hand: ")
