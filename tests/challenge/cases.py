@@ -151,15 +151,13 @@ def make_case(family: str, seed: int) -> Case:
     return FAMILIES[family](seed, np.random.default_rng([seed, zlib.crc32(family.encode())]))
 
 
-def campaign_of(case: Case, effects: Effects, outside_amplitude: float = 0.0, *, quiet: bool = False) -> Campaign:
-    """Give the campaign with these effects in it. `quiet`: by instruments without counts and noise."""
+def campaign_of(case: Case, effects: Effects, outside_amplitude: float = 0.0, *, countless: bool = False) -> Campaign:
+    """Give the campaign with these effects in it. `countless`: read by encoders without counts."""
     outside = None if case.outside is None else OUTSIDE[case.outside]
     turns = 0 if outside is not None and outside.absolute else Instruments().largest_turn
     instruments = Instruments(noise=case.noise, largest_turn=turns)
-    if quiet:
-        instruments = replace(
-            instruments, motor_counts=2**32, output_counts=2**37, output_torque_noise=2e-8, motor_torque_noise=2e-10
-        )
+    if countless:
+        instruments = replace(instruments, motor_counts=2**32, output_counts=2**37)
     further = None if case.outside is None else acting(case.outside, outside_amplitude, case.constants)
     return Campaign(case.seed, effects, case.drive, instruments, case.plan, RATE, further)
 

@@ -1,22 +1,23 @@
 """How large a hidden effect is: what is left of it once the base model is fitted again, over the floor of its equation.
 
 The floor is what the base model leaves of the same campaign, the same noise draws and all, without the effect: the
-oracle of a loop that misses nothing. The effect is measured on copies by instruments without counts and noise.
+oracle of a loop that misses nothing. The effect is measured on pairs of copies with the same noise, by encoders without
+counts: what differs is the effect.
 """
 
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from rig.config.dut import Dut
 from rig.log.run import Run
 from rig.loop.fitting.fit import Fit, fit
 from rig.loop.model.equations import FEWEST_SAMPLES, Piece, distinct_readings, pieces_of, target_of
 from rig.loop.model.prediction import Model, predict
-from rig.loop.signals.tracks import make_track, thin_track
-from rig.loop.statements.metrics import residual_of
+from rig.loop.signals.tracks import Track, make_track, thin_track
+from rig.loop.statements.metrics import Residual, residual_of
 from rig.loop.trace import fit_base, start_model
 from sim_backend.model.compliance import Compliance
 from tests.challenge.cases import LARGEST, Case, campaign_of, scaled, together
@@ -65,37 +66,40 @@ def as_runs(recordings: Sequence[Recording]) -> tuple[Run, ...]:
 
 def oracle_of(case: Case, effects: Effects = NOTHING) -> Oracle:
     """Fit the base model to the campaign in which nothing is hidden, or to that with `effects`."""
-    recordings = campaign_of(case, effects).recordings()
     dut = default_dut()
-    train, out = _sides(recordings)
+    train, out = _sides(campaign_of(case, effects).recordings())
+    tracks = [make_track(run, dut) for run in train]
     start = start_model(dut, dut.gear.ratio, Compliance.ARCTAN, None)
-    base = fit_base(_settled(_thin(train, dut), start), start)
-    return Oracle(base, _rms(train, base.model, dut), _rms(out, base.model, dut))
+    thin = [distinct_readings(piece) for track in tracks for piece in pieces_of(thin_track(track), dut.gear.ratio)]
+    base = fit_base(_settled(thin, start), start)
+    held = [make_track(run, dut) for run in out]
+    return Oracle(base, _rms(_residuals(tracks, base.model)), _rms(_residuals(held, base.model)))
 
 
 def hide(case: Case, oracle: Oracle) -> Hidden:
     """Scale what the case hides to the size it is to have, each effect by itself."""
-    if case.size is None:
-        sizes = [_size(case, oracle, effects, 0.0) for effects in case.hidden]
-        return Hidden(
-            case.hidden, 0.0, tuple(s for s, _ in sizes), tuple(e for _, e in sizes), tuple(1.0 for _ in sizes)
-        )
-    if case.outside is not None:
+    without = _smooth_residuals(case, oracle, NOTHING, 0.0)
+
+    def size(effects: Effects, outside_amplitude: float) -> tuple[float, str]:
+        left = _difference(_smooth_residuals(case, oracle, effects, outside_amplitude), without)
+        sizes = {name: rms / oracle.train[name] for name, rms in left.items()}
+        equation = max(sizes, key=lambda name: sizes[name])
+        return sizes[equation], equation
+
+    if case.outside is not None and case.size is not None:
         start = OUTSIDE[case.outside].amplitude
-        scale, size, equation = _search(lambda f: _size(case, oracle, Effects(), f * start), case.size, math.inf)
-        return Hidden((), scale * start, (size,), (equation,), (scale,))
-    found = []
-    for effects in case.hidden:
-        scale, size, equation = _search(
-            lambda f, effects=effects: _size(case, oracle, scaled(effects, f), 0.0), case.size, LARGEST
-        )
-        found.append((scaled(effects, scale), size, equation, scale))
+        found = [_search(lambda factor: size(NOTHING, factor * start), case.size, math.inf)]
+        return Hidden((), found[0].scale * start, (found[0].size,), (found[0].equation,), (found[0].scale,))
+    if case.size is None:
+        found = [_Found(1.0, *size(effects, 0.0)) for effects in case.hidden]
+    else:
+        found = [_search(partial(_scaled_size, size, effects), case.size, LARGEST) for effects in case.hidden]
     return Hidden(
-        tuple(item[0] for item in found),
+        tuple(scaled(effects, item.scale) for effects, item in zip(case.hidden, found, strict=True)),
         0.0,
-        tuple(item[1] for item in found),
-        tuple(item[2] for item in found),
-        tuple(item[3] for item in found),
+        tuple(item.size for item in found),
+        tuple(item.equation for item in found),
+        tuple(item.scale for item in found),
     )
 
 
@@ -115,56 +119,71 @@ def _as_run(recording: Recording) -> Run:
 _IN_TABLE = ("supply_voltage",)
 
 
-def _search(size_of: Callable[[float], tuple[float, str]], wanted: float, largest: float) -> tuple[float, float, str]:
-    """Give scale, size and equation nearest to the size that is wanted; a bench that cannot follow bounds the scale."""
-    scale, best = 1.0, (0.0, 0.0, "")
+@dataclass(frozen=True, slots=True)
+class _Found:
+    scale: float
+    size: float
+    equation: str
+
+
+def _scaled_size(
+    size: Callable[[Effects, float], tuple[float, str]], effects: Effects, factor: float
+) -> tuple[float, str]:
+    return size(scaled(effects, factor), 0.0)
+
+
+def _search(size_of: Callable[[float], tuple[float, str]], wanted: float, largest: float) -> _Found:
+    """Give what comes nearest to the size that is wanted; a bench that cannot follow bounds the scale."""
+    scale, best = 1.0, _Found(0.0, 0.0, "")
     for _ in range(TRIES):
         try:
             size, equation = size_of(scale)
         except ValueError:  # the shaft snaps, or the motor saturates
             largest = 0.8 * scale
-            scale = largest if not best[0] else math.sqrt(best[0] * largest)
+            scale = math.sqrt(best.scale * largest) if best.scale else 0.25 * scale
             continue
-        if not best[0] or abs(math.log(max(size, 1e-9) / wanted)) < abs(math.log(max(best[1], 1e-9) / wanted)):
-            best = (scale, size, equation)
+        if not best.scale or _off(size, wanted) < _off(best.size, wanted):
+            best = _Found(scale, size, equation)
         if abs(size / wanted - 1.0) < CLOSE or (scale >= largest and size < wanted):
             break
         scale = min(scale * wanted / max(size, 1e-3 * wanted), largest)
     return best
 
 
-def _size(case: Case, oracle: Oracle, effects: Effects, outside_amplitude: float) -> tuple[float, str]:
-    """Give the largest size over the equations, and in which."""
-    with_it = _quiet_rms(case, oracle, effects, outside_amplitude)
-    sizes = {name: rms / oracle.train[name] for name, rms in with_it.items()}
-    equation = max(sizes, key=lambda name: sizes[name])
-    return sizes[equation], equation
+def _off(size: float, wanted: float) -> float:
+    return abs(math.log(max(size, 1e-9) / wanted))
 
 
-def _quiet_rms(case: Case, oracle: Oracle, effects: Effects, outside_amplitude: float) -> dict[str, float]:
-    """Give what the refitted base leaves of a campaign without counts and noise, per equation."""
+def _smooth_residuals(case: Case, oracle: Oracle, effects: Effects, outside_amplitude: float) -> list[Residual]:
+    """Give what the refitted base leaves of the training runs, read by encoders without counts."""
     dut = default_dut()
-    train, _ = _sides(campaign_of(case, effects, outside_amplitude, quiet=True).recordings())
-    tracks = {run.name: thin_track(make_track(run, dut)) for run in train}
-    ratio = dut.gear.ratio
+    train, _ = _sides(campaign_of(case, effects, outside_amplitude, countless=True).recordings())
+    tracks = [make_track(run, dut) for run in train]
+    thin = {track.name: thin_track(track) for track in tracks}
     pieces = []
     for item in oracle.fit.linear:
-        track = tracks[item.piece.track.name]
-        moved = replace(item.piece, track=track)
-        pieces.append(replace(moved, target=target_of(moved, ratio)[moved.index]))
+        moved = replace(item.piece, track=thin[item.piece.track.name])
+        pieces.append(replace(moved, target=target_of(moved, dut.gear.ratio)[moved.index]))
     again = fit(pieces, oracle.fit.model, oracle.fit.noise, passes=PASSES, block=oracle.fit.block)
-    return _rms(train, again.model, dut)
+    return _residuals(tracks, again.model)
+
+
+def _difference(one: Sequence[Residual], other: Sequence[Residual]) -> dict[str, float]:
+    """Give the rms by which residuals of the same runs and noise differ, per equation."""
+    squares: dict[str, list[np.ndarray]] = {}
+    known = {(item.piece.equation, item.piece.track.name): item for item in other}
+    for item in one:
+        same = known.get((item.piece.equation, item.piece.track.name))
+        if same is not None:
+            _, here, there = np.intersect1d(item.time, same.time, return_indices=True)
+            squares.setdefault(item.piece.equation.value, []).append((item.values[here] - same.values[there]) ** 2)
+    return {name: float(np.sqrt(np.mean(np.concatenate(values)))) for name, values in squares.items()}
 
 
 def _sides(recordings: Sequence[Recording]) -> tuple[list[Run], list[Run]]:
     names = held_out(tuple(recordings))
     runs = as_runs(recordings)
     return [run for run in runs if run.name not in names], [run for run in runs if run.name in names]
-
-
-def _thin(runs: Sequence[Run], dut: Dut) -> list[Piece]:
-    ratio = dut.gear.ratio
-    return [distinct_readings(piece) for run in runs for piece in pieces_of(thin_track(make_track(run, dut)), ratio)]
 
 
 def _settled(pieces: Sequence[Piece], start: Model) -> list[Piece]:
@@ -177,10 +196,13 @@ def _settled(pieces: Sequence[Piece], start: Model) -> list[Piece]:
     return kept
 
 
-def _rms(runs: Sequence[Run], model: Model, dut: Dut) -> dict[str, float]:
-    """Give the rms of what the model leaves, per equation, at the full rate of the logs."""
-    squares: dict[str, list[np.ndarray]] = {}
-    for run in runs:
-        for piece in pieces_of(make_track(run, dut), dut.gear.ratio):
-            squares.setdefault(piece.equation.value, []).append(residual_of(piece, model).values)
-    return {name: float(np.sqrt(np.mean(np.concatenate(values) ** 2))) for name, values in squares.items()}
+def _residuals(tracks: Sequence[Track], model: Model) -> list[Residual]:
+    """Give what the model leaves of every equation of every run, at the full rate of the logs."""
+    return [residual_of(piece, model) for track in tracks for piece in pieces_of(track, model.ratio)]
+
+
+def _rms(residuals: Sequence[Residual]) -> dict[str, float]:
+    values: dict[str, list[np.ndarray]] = {}
+    for item in residuals:
+        values.setdefault(item.piece.equation.value, []).append(item.values)
+    return {name: float(np.sqrt(np.mean(np.concatenate(some) ** 2))) for name, some in values.items()}
