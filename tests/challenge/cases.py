@@ -262,6 +262,13 @@ def _ambiguous(seed: int, rng: np.random.Generator) -> Case:
     return Case("ambiguous", seed, name, design.plan, noise, drive, (hidden,), size=design.size)
 
 
+def _bench(seed: int, rng: np.random.Generator) -> Case:
+    """Give an effect as drawn: on the bench its size is what it is. Its procedures have one rate and no load."""
+    order = np.random.default_rng(0).permutation(len(EFFECTS))  # neighbouring seeds are effects of different kinds
+    hidden = draw(EFFECTS[order[seed % len(EFFECTS)]], rng)
+    return Case("bench", seed, "procedures", LEAN, NoiseKind.WHITE, shd_17_100(), (hidden,))
+
+
 def _of_low_order(effects: Effects, rng: np.random.Generator) -> Effects:
     """Give the same with one order only where several are drawn: in one direction a comb would give cogging away."""
     if effects.cogging:
@@ -278,9 +285,10 @@ FAMILIES: Mapping[str, Callable[[int, np.random.Generator], Case]] = MappingProx
         "outside": _outside,
         "none": _none,
         "ambiguous": _ambiguous,
+        "bench": _bench,
     }
 )
-"""Families of the independent generator; those of the simulated bench are in `on_bench.py`."""
+"""All of the independent generator but `bench`, of the simulated bench."""
 
 LARGEST = 30.0
 """Times its drawn size that an effect is made at most; what is still too small then is told apart."""

@@ -12,6 +12,7 @@ from functools import partial
 
 import numpy as np
 
+from rig.config.dut import Dut
 from rig.log.run import Run
 from rig.loop.fitting.fit import Fit, fit
 from rig.loop.model.equations import FEWEST_SAMPLES, Piece, distinct_readings, pieces_of, target_of
@@ -66,13 +67,17 @@ def as_runs(recordings: Sequence[Recording]) -> tuple[Run, ...]:
 
 def oracle_of(case: Case, effects: Effects = NOTHING) -> Oracle:
     """Fit the base model to the campaign in which nothing is hidden, or to that with `effects`."""
-    dut = default_dut()
-    train, out = _sides(campaign_of(case, effects).recordings())
-    tracks = [make_track(run, dut) for run in train]
+    recordings = campaign_of(case, effects).recordings()
+    return base_oracle(as_runs(recordings), held_out(recordings), default_dut())
+
+
+def base_oracle(runs: Sequence[Run], out: Sequence[str], dut: Dut) -> Oracle:
+    """Fit the base model to all runs but those to hold out."""
+    tracks = [make_track(run, dut) for run in runs if run.name not in out]
     start = start_model(dut, dut.gear.ratio, Compliance.ARCTAN, None)
     thin = [distinct_readings(piece) for track in tracks for piece in pieces_of(thin_track(track), dut.gear.ratio)]
     base = fit_base(_settled(thin, start), start)
-    held = [make_track(run, dut) for run in out]
+    held = [make_track(run, dut) for run in runs if run.name in out]
     return Oracle(base, _rms(_residuals(tracks, base.model)), _rms(_residuals(held, base.model)))
 
 
@@ -157,8 +162,9 @@ def _off(size: float, wanted: float) -> float:
 def _smooth_residuals(case: Case, oracle: Oracle, effects: Effects, outside_amplitude: float) -> list[Residual]:
     """Give what the refitted base leaves of the training runs, read by encoders without counts."""
     dut = default_dut()
-    train, _ = _sides(campaign_of(case, effects, outside_amplitude, countless=True).recordings())
-    tracks = [make_track(run, dut) for run in train]
+    recordings = campaign_of(case, effects, outside_amplitude, countless=True).recordings()
+    out = held_out(recordings)
+    tracks = [make_track(run, dut) for run in as_runs(recordings) if run.name not in out]
     thin = {track.name: thin_track(track) for track in tracks}
     pieces = []
     for item in oracle.fit.linear:
@@ -178,12 +184,6 @@ def _difference(one: Sequence[Residual], other: Sequence[Residual]) -> dict[str,
             _, here, there = np.intersect1d(item.time, same.time, return_indices=True)
             squares.setdefault(item.piece.equation.value, []).append((item.values[here] - same.values[there]) ** 2)
     return {name: float(np.sqrt(np.mean(np.concatenate(values)))) for name, values in squares.items()}
-
-
-def _sides(recordings: Sequence[Recording]) -> tuple[list[Run], list[Run]]:
-    names = held_out(tuple(recordings))
-    runs = as_runs(recordings)
-    return [run for run in runs if run.name not in names], [run for run in runs if run.name in names]
 
 
 def _settled(pieces: Sequence[Piece], start: Model) -> list[Piece]:

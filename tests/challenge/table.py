@@ -224,4 +224,4 @@ def _seconds(lines: Sequence[Line]) -> str:
             rows.append(
                 [design, len(own), f"{np.median(samples):.0f}", f"{np.median(seconds):.0f}", f"{max(seconds):.0f}"]
             )
-    return _table(("design", "campaigns", "samples, median", "seconds, median", "largest"), rows)
+    return _table(("design", "campaigns", "samples, median", "processor seconds, median", "largest"), rows)
