@@ -81,14 +81,13 @@ def naming_of(expected: Expected, answer: Answer) -> tuple[str, list[str]]:
         return (RIGHT if expected.set_is_right else ABSORBED), sorted(names)
     if not found:
         return (WRONG if added else MISSED), found
+    if expected.set_only and any(members == names for members in added):
+        return WRONG, found
     if others:
         return EXTRA, found
     if len(found) < len(names):
         return MISSED, found
     in_set = [name for name in found if not any(members == {name} for members in added)]
-    if expected.set_only:
-        sets = len(in_set) == len(found) or any(names <= group for group in absorbed)
-        return (RIGHT if sets else WRONG), found
     return (SET if in_set and not expected.set_is_right else RIGHT), found
 
 

@@ -28,7 +28,15 @@ from tests.independent.terms import Effects
 from tests.rig.loop.runs import dut as default_dut
 from tests.rig.loop.runs import make_run
 
-CONTRACT = ("motor_position", "output_position", "motor_torque", "motor_current", "output_torque", "temperature")
+CONTRACT = (
+    "motor_position",
+    "output_position",
+    "motor_torque",
+    "motor_current",
+    "output_torque",
+    "temperature",
+    "supply_voltage",
+)
 """Columns that are signals of the contract; all others are auxiliary."""
 
 CLOSE = 0.04
@@ -60,15 +68,15 @@ class Hidden:
     scales: tuple[float, ...]
 
 
-def as_runs(recordings: Sequence[Recording]) -> tuple[Run, ...]:
-    """Give the logs as the loop reads them: nothing of the truth travels along."""
-    return tuple(_as_run(recording) for recording in recordings)
+def as_runs(recordings: Sequence[Recording], without: Sequence[str] = ()) -> tuple[Run, ...]:
+    """Give the logs as the loop reads them: nothing of the truth travels along. `without`: columns left out."""
+    return tuple(_as_run(recording, without) for recording in recordings)
 
 
 def oracle_of(case: Case, effects: Effects = NOTHING) -> Oracle:
     """Fit the base model to the campaign in which nothing is hidden, or to that with `effects`."""
     recordings = campaign_of(case, effects).recordings()
-    return base_oracle(as_runs(recordings), held_out(recordings), default_dut())
+    return base_oracle(as_runs(recordings, case.without), held_out(recordings), default_dut())
 
 
 def base_oracle(runs: Sequence[Run], out: Sequence[str], dut: Dut) -> Oracle:
@@ -111,17 +119,15 @@ def hide(case: Case, oracle: Oracle) -> Hidden:
 def logs_of(case: Case, hidden: Hidden) -> tuple[tuple[Run, ...], tuple[str, ...]]:
     """Give the runs with what is hidden in them, and the names of those to hold out."""
     recordings = campaign_of(case, together(hidden.effects), hidden.outside_amplitude).recordings()
-    return as_runs(recordings), held_out(recordings)
+    return as_runs(recordings, case.without), held_out(recordings)
 
 
-def _as_run(recording: Recording) -> Run:
-    signals = {name: values for name, values in recording.columns.items() if name in CONTRACT or name in _IN_TABLE}
+def _as_run(recording: Recording, without: Sequence[str]) -> Run:
+    columns = {name: values for name, values in recording.columns.items() if name not in without}
+    signals = {name: values for name, values in columns.items() if name in CONTRACT}
     run = make_run(recording.name, recording.procedure, recording.time, signals, replicate=recording.replicate)
-    further = {name: values for name, values in recording.columns.items() if name not in signals}
+    further = {name: values for name, values in columns.items() if name not in signals}
     return replace(run, auxiliary=further, auxiliary_units=dict.fromkeys(further, "degC"))
-
-
-_IN_TABLE = ("supply_voltage",)
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +170,7 @@ def _smooth_residuals(case: Case, oracle: Oracle, effects: Effects, outside_ampl
     dut = default_dut()
     recordings = campaign_of(case, effects, outside_amplitude, countless=True).recordings()
     out = held_out(recordings)
-    tracks = [make_track(run, dut) for run in as_runs(recordings) if run.name not in out]
+    tracks = [make_track(run, dut) for run in as_runs(recordings, case.without) if run.name not in out]
     thin = {track.name: thin_track(track) for track in tracks}
     pieces = []
     for item in oracle.fit.linear:

@@ -66,7 +66,7 @@ def bars(lines: Sequence[Line]) -> list[Bar]:
     effects = [p for p in inside if p["of"] != "base"]
     base = [p for p in inside if p["of"] == "base"]
     found += [
-        Bar("designs that cannot tell: a set that holds the truth", _rate(_of(lines, "ambiguous"), _is_right), 0.95),
+        Bar("designs that cannot tell: a set that holds the truth", _rate(_of(lines, "ambiguous"), _describes), 0.95),
         Bar(f"held-out error <= {NEAR_ORACLE} x the oracle's", _rate(reachable, _near_oracle), 0.95),
         Bar("95 % intervals that hold the truth, all", _rate(inside, _inside), 0.93, 0.97),
         Bar("95 % intervals that hold the truth, effects", _rate(effects, _inside), 0.93, 0.97),

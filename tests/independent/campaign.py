@@ -66,7 +66,7 @@ class Plan:
     """How many runs of each kind; `*_pairs` of them are run twice under the same conditions, as replicates.
 
     `locked_angles` start angles are spread over one motor turn, each with `sweeps_per_angle` sweeps. Slow legs cover
-    `output_turns` in both directions; with `one_way` every leg turns like the first.
+    `output_turns` in both directions; with `one_way` every leg of every run turns forward.
     Sweeps go through `peaks` (of the drawn peak torque); run k takes the k-th of `torque_rates` (N*m/s; drawn where
     empty) and rests for the k-th of `holds` (s) at every turning point at the peak, both in turn.
     `further_legs`: lowest and highest speed (rad/s) and seconds of legs after the fast ones, both ways. The last
@@ -237,7 +237,7 @@ class Campaign:
             speed = first * float(rng.uniform(low, high))
             legs += [(speed, seconds), (-speed, seconds)]
         if self.plan.one_way:
-            legs = [(first * abs(speed), seconds) for speed, seconds in legs]
+            legs = [(abs(speed), seconds) for speed, seconds in legs]
         velocity = self._speed_profile(legs)
         position = start_angle + np.concatenate([[0.0], np.cumsum(velocity[1:] + velocity[:-1]) * 0.5 / self.rate])
         around = self._conditions(position.size, seed)
