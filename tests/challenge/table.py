@@ -56,6 +56,7 @@ def bars(lines: Sequence[Line]) -> list[Bar]:
     for kind in NoiseKind:
         quiet = [line for line in _of(lines, "none") if line["noise"] == kind.value]
         found.append(Bar(f"nothing hidden, {kind.value} noise: silent", _rate(quiet, _is_right), 0.98))
+    found.append(Bar("nothing hidden, any noise: nothing added", _rate(_of(lines, "none"), _adds_nothing), 0.98))
     reachable = [
         line
         for family in ("single", "third", "pair")
@@ -97,6 +98,10 @@ def _has_its_size(line: Line) -> bool:
 
 def _is_right(line: Line) -> bool:
     return line["naming"] == RIGHT
+
+
+def _adds_nothing(line: Line) -> bool:
+    return line["naming"] != FAILED and not line["added"]
 
 
 def _describes(line: Line) -> bool:

@@ -3,12 +3,16 @@
 import dataclasses
 import inspect
 import json
+import struct
 from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
+from rig.commands import demo
 from rig.log.run import Run
+from tests.challenge import on_bench
 from tests.challenge import run as runner
 from tests.challenge.cases import EFFECTS, Case, campaign_of, make_case, scaled, together
 from tests.challenge.sizes import Hidden, hide, logs_of, oracle_of
@@ -146,3 +150,26 @@ def test_physics_outside_the_catalogue_adds_its_channel_to_the_log_and_nothing_e
         expected = 0.0 if run.procedure == "locked-output" else 1e-3 * (run.columns["supply_voltage"] - 24.0)
         assert np.max(np.abs(moved - expected)) < 1e-4
         assert np.array_equal(run.truth.output_position, before.truth.output_position)
+
+
+def test_logs_of_the_simulated_bench_hold_nothing_of_the_truth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Every record of every log as bytes: names, metadata, attachments, events and samples."""
+    monkeypatch.setattr(demo, "SHORT", {"starting-torque": {"dwell": "2", "start_angles": "1", "repeats": "1"}})
+    case = dataclasses.replace(case_with("kinematic-error"), family="bench")
+    runs, _ = on_bench.recorded(case, tmp_path)
+    text = "".join(text_of(run) for run in runs) + "".join(path.name for path in tmp_path.iterdir())
+    content = text.encode()
+    for path in tmp_path.glob("*.mcap"):
+        with path.open("rb") as file:
+            reader = make_reader(file)
+            content += b"".join(message.data for _, _, message in reader.iter_messages())
+            content += b"".join(item.data + item.name.encode() for item in reader.iter_attachments())
+            content += b"".join(repr(item.metadata).encode() for item in reader.iter_metadata())
+    assert len(content) > 100_000
+    (line,) = case.hidden[0].kinematic_error
+    for number in (line.amplitude, line.phase):
+        assert struct.pack("<d", number) not in content
+        assert struct.pack("<f", number) not in content
+    words = [word for word in secrets_of(case, case.hidden[0]) if word not in ("amplitude", "effect")]
+    for secret in [*words, str(case.seed + 1)]:
+        assert secret.encode() not in content, secret

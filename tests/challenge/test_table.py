@@ -5,17 +5,18 @@ from typing import Any
 from tests.challenge.table import Bar, bars, report
 
 
-def line(family: str, naming: str, **other: Any) -> dict[str, Any]:
+def line(family: str, naming: str, hidden: list[str] | None = None, **other: Any) -> dict[str, Any]:
     return {
         "family": family,
         "naming": naming,
         "seed": 1,
         "design": "rich",
         "noise": "white",
-        "hidden": ["soft-windup"],
+        "hidden": ["soft-windup"] if hidden is None else hidden,
         "wanted": 1.0,
         "sizes": [1.0],
         "found": ["soft-windup"] if naming == "right" else [],
+        "added": ["soft-windup"] if hidden is None else [],
         "parameters": [],
         "after_over_oracle": {"torsion": 1.0},
         "after_over_before": {"torsion": 0.5},
@@ -51,6 +52,8 @@ def test_every_noise_kind_has_its_own_bar():
     lines = [line("none", "right", hidden=[]), line("none", "wrong", hidden=[], noise="ar1")]
     assert counted(lines, "nothing hidden, white") == (1, 1)
     assert counted(lines, "nothing hidden, ar1") == (0, 1)
+    claimed = line("none", "wrong", hidden=[], added=["cogging"])
+    assert counted([*lines, claimed], "nothing hidden, any noise: nothing added") == (2, 3)
 
 
 def test_one_of_two_effects_is_not_both():
@@ -70,7 +73,7 @@ def test_an_event_need_not_reach_the_oracle():
 
 
 def test_a_refusal_is_no_right_answer_anywhere():
-    refused = {"error": "a leak", "after_over_oracle": {}, "after_over_before": {}}
+    refused = {"error": "a leak", "added": [], "after_over_oracle": {}, "after_over_before": {}}
     lines = [line("outside", "error", **refused), line("single", "error", **refused)]
     assert counted(lines, "physics outside the catalogue: held-out") == (0, 1)
     assert counted(lines, "held-out error") == (0, 1)
