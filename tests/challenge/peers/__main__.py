@@ -114,6 +114,7 @@ def _first(hidden: list[str], groups: list[str]) -> bool:
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.challenge.peers", description=__doc__)
+    parser.add_argument("--family", action="append", choices=list(COUNTS), help="only this one; may be repeated")
     parser.add_argument("--dev", action="store_true", help="seeds for development")
     parser.add_argument("--scale", type=float, default=1.0, help="times the default number of campaigns")
     parser.add_argument("--table", type=Path, help="only print the table of what is in this folder")
@@ -124,8 +125,8 @@ def main() -> None:
     if asked.table is None:
         done = {(line["family"], line["seed"]) for line in lines_in(folder)}
         seeds = DEVELOPMENT if asked.dev else REPORT
-        for family, count in COUNTS.items():
-            for k in range(max(1, round(asked.scale * count))):
+        for family in asked.family or COUNTS:
+            for k in range(max(1, round(asked.scale * COUNTS[family]))):
                 seed = _seed_of(family, seeds, k)
                 if (family, seed) in done:
                     continue

@@ -78,6 +78,16 @@ class Task:
         return fitted, chosen
 
 
+def sparsest_as_good(tried: Sequence[Floats], checked: Task) -> int:
+    """Give which coefficients to take: the fewest that are within a standard error of the best on the checked runs."""
+    squares = [(checked.y - checked.X @ coefficients) ** 2 for coefficients in tried]
+    by_run = np.array([[np.mean(some[checked.runs == run]) for run in np.unique(checked.runs)] for some in squares])
+    behind = by_run - by_run[int(np.argmin(by_run.mean(axis=1)))]
+    error = behind.std(axis=1, ddof=1) / np.sqrt(behind.shape[1])
+    good = [k for k in range(len(tried)) if behind[k].mean() <= error[k]]
+    return min(good, key=lambda k: (np.count_nonzero(tried[k]), behind[k].mean()))
+
+
 @dataclass(frozen=True, slots=True)
 class _Rows:
     """Some samples of one piece, unweighted: residual (m,), base derivatives (m, p), columns (m, k); square root of
