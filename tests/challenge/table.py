@@ -129,7 +129,7 @@ def _table(headings: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     if not rows:
         return ""
     listed = [headings, ["---"] * len(headings), *rows]
-    return "\n".join("| " + " | ".join(str(cell) for cell in row) + " |" for row in listed)
+    return "\n".join("| " + " | ".join(str(cell).replace("|", "\\|") for cell in row) + " |" for row in listed)
 
 
 def _bars(lines: Sequence[Line]) -> str:

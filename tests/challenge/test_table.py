@@ -48,6 +48,11 @@ def test_what_could_not_get_its_size_is_in_no_bar_but_is_told():
     assert "| torque-sensor-gain | 1 | 0.2 | missed |" in report(lines)
 
 
+def test_the_members_of_a_set_stay_in_one_cell():
+    text = report([line("single", "in set", added=["ambiguous:backlash|soft-windup"])])
+    assert "| ambiguous:backlash\\|soft-windup |" in text
+
+
 def test_every_noise_kind_has_its_own_bar():
     lines = [line("none", "right", hidden=[]), line("none", "wrong", hidden=[], noise="ar1")]
     assert counted(lines, "nothing hidden, white") == (1, 1)

@@ -18,6 +18,7 @@ def test_a_bar_is_met_only_where_the_whole_interval_is_above_it():
     assert Rate(73, 73).standing(0.95) is Standing.MET
     assert Rate(72, 72).standing(0.95) is Standing.UNDECIDED  # 72 of 72 leave 94.94 %
     assert Rate(80, 100).standing(0.95) is Standing.NOT_MET
+    assert Rate(0, 3).standing(0.95) is Standing.UNDECIDED
 
 
 def test_coverage_that_is_too_high_does_not_meet_its_bar():

@@ -7,6 +7,9 @@ from enum import StrEnum
 Z = 1.959963984540054
 """Standard deviations of a normal variable between which it lies with 95 %."""
 
+FEWEST = 10
+"""Counted cases below which nothing is said: Wilson's interval of a few is too narrow on the far side."""
+
 
 class Standing(StrEnum):
     """What a count says of a bar: the whole interval is on one side of it, or it is not."""
@@ -37,6 +40,8 @@ class Rate:
     def standing(self, least: float, most: float = 1.0) -> Standing:
         """Give whether the rate lies between two bars, beside them, or whether the count cannot tell."""
         low, high = self.interval
+        if self.count < FEWEST:
+            return Standing.UNDECIDED
         if high < least or low > most:
             return Standing.NOT_MET
         # a rate that is to be at least something has no upper bar to keep clear of
