@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: help install test lint demo bench foreign browser fuzz campaign clean
+.PHONY: help install test lint demo bench foreign browser fuzz campaign challenge clean
 
 help:            ## list the targets
 	@grep -E '^[a-z-]+: .*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/'
@@ -50,6 +50,12 @@ fuzz: $(STAMP)   ## property tests with new random examples for 2 minutes (SECON
 
 campaign: $(STAMP) ## every row of "What a campaign establishes" in docs/effects.md against the loop (half an hour)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -m campaign tests/rig/loop
+
+CHALLENGE := runs/challenge
+challenge: $(STAMP) ## blind test: hidden effects, naming, errors, intervals (an hour; SMALL=1, SCALE=n, DEV=1 for other seeds)
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.challenge --workers 2 -o $(CHALLENGE) \
+		$(if $(SMALL),--small) $(if $(SCALE),--scale $(SCALE)) $(if $(DEV),--dev)
+	$(BIN)/python -m tests.challenge.speed
 
 clean:           ## remove the virtual environment and caches
 	rm -rf tests/foreign/node_modules $(VENV) .pytest_cache .mypy_cache .ruff_cache build *.egg-info

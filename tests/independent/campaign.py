@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,6 +16,10 @@ from tests.independent.laws import Drive, shd_17_100
 
 Floats = NDArray[np.float64]
 
+Further = Callable[[str, Truth, Floats, int], tuple[Truth, dict[str, Floats]]]
+"""What acts beyond every effect: from procedure, true signals, time (s) and a seed of the run's conditions, the true
+signals with it and further columns of the log by name, each of shape (n,)."""
+
 UNITS = {
     "motor_position": "rad",
     "output_position": "rad",
@@ -22,6 +27,8 @@ UNITS = {
     "motor_current": "A",
     "output_torque": "N*m",
     "temperature": "degC",
+    "supply_voltage": "V",
+    "room_temperature": "degC",
 }
 
 DWELL = 5.0
@@ -58,7 +65,8 @@ encoder_counts = 524288
 class Plan:
     """How many runs of each kind; `*_pairs` of them are run twice under the same conditions, as replicates.
 
-    `locked_angles` start angles are spread over one motor turn. Slow legs cover `output_turns` in both directions.
+    `locked_angles` start angles are spread over one motor turn, each with `sweeps_per_angle` sweeps. Slow legs cover
+    `output_turns` in both directions; with `one_way` every leg of every run turns forward.
     Sweeps go through `peaks` (of the drawn peak torque); run k takes the k-th of `torque_rates` (N*m/s; drawn where
     empty) and rests for the k-th of `holds` (s) at every turning point at the peak, both in turn.
     `further_legs`: lowest and highest speed (rad/s) and seconds of legs after the fast ones, both ways. The last
@@ -67,6 +75,7 @@ class Plan:
     """
 
     locked_angles: int = 8
+    sweeps_per_angle: int = 1
     locked_pairs: int = 2
     backdrives: int = 3
     backdrive_pairs: int = 1
@@ -74,6 +83,7 @@ class Plan:
     free_run_pairs: int = 1
     starting_torques: int = 0
     output_turns: float = 2.05
+    one_way: bool = False
     slow_speed: tuple[float, float] = (15.0, 25.0)
     fast_speed: tuple[float, float] = (60.0, 120.0)
     sine_share: float = 0.25
@@ -146,7 +156,10 @@ class Written:
 
 @dataclass(frozen=True, slots=True)
 class Campaign:
-    """Draws runs from `seed`; `rate` in samples per second. The same arguments give the same numbers."""
+    """Draws runs from `seed`; `rate` in samples per second. The same arguments give the same numbers.
+
+    `further`: what acts besides the effects.
+    """
 
     seed: int
     effects: Effects = field(default_factory=Effects)
@@ -154,15 +167,18 @@ class Campaign:
     instruments: Instruments = field(default_factory=Instruments)
     plan: Plan = field(default_factory=Plan)
     rate: float = 200.0
+    further: Further | None = None
 
     def recordings(self) -> tuple[Recording, ...]:
         """Give every run of the plan; replicates follow their first run."""
         rng = np.random.default_rng(self.seed)
         plan = self.plan
-        first = float(rng.uniform(0.0, 2.0 * math.pi / plan.locked_angles))
-        angles = first + 2.0 * math.pi * np.arange(plan.locked_angles) / plan.locked_angles
+        spacing = 2.0 * math.pi / max(plan.locked_angles, 1)
+        first = float(rng.uniform(0.0, spacing))
+        angles = first + spacing * np.arange(plan.locked_angles)
         made: list[Recording] = []
-        for k, angle in enumerate(rng.permutation(angles).tolist()):
+        sweeps = np.tile(rng.permutation(angles), plan.sweeps_per_angle)
+        for k, angle in enumerate(sweeps.tolist()):
             made += self._repeated("locked-output", k, k < plan.locked_pairs, angle, rng)
         for k in range(plan.backdrives):
             made += self._repeated("backdrive", k, k < plan.backdrive_pairs, self._any_angle(rng), rng)
@@ -197,7 +213,7 @@ class Campaign:
         torque = true_motor_torque(commanded, self.effects, self.instruments.torque_constant)
         around = self._conditions(torque.size, seed)
         signals = bench.locked_output(torque, start_angle, self.drive, self.effects, around)
-        return self._recording(name, "locked-output", signals, around, noise_seed, start_angle, replicate)
+        return self._recording(name, "locked-output", signals, around, (seed, noise_seed), start_angle, replicate)
 
     def backdrive_run(
         self, name: str, seed: int, noise_seed: int, start_angle: float, replicate: str | None = None, number: int = 0
@@ -206,7 +222,7 @@ class Campaign:
         peak, shape = self._sweep(np.random.default_rng(seed), number)
         around = self._conditions(shape.size, seed)
         signals = bench.backdrive(shape * peak, start_angle, self.drive, self.effects, around)
-        return self._recording(name, "backdrive", signals, around, noise_seed, start_angle, replicate)
+        return self._recording(name, "backdrive", signals, around, (seed, noise_seed), start_angle, replicate)
 
     def free_run(
         self, name: str, seed: int, noise_seed: int, start_angle: float, replicate: str | None = None, number: int = 0
@@ -220,13 +236,15 @@ class Campaign:
         for low, high, seconds in self.plan.further_legs:
             speed = first * float(rng.uniform(low, high))
             legs += [(speed, seconds), (-speed, seconds)]
+        if self.plan.one_way:
+            legs = [(abs(speed), seconds) for speed, seconds in legs]
         velocity = self._speed_profile(legs)
         position = start_angle + np.concatenate([[0.0], np.cumsum(velocity[1:] + velocity[:-1]) * 0.5 / self.rate])
         around = self._conditions(position.size, seed)
         loaded = number >= self.plan.free_runs - self.plan.loaded_free_runs
         load = self._load(around.time) if loaded and self.plan.loads else None
         signals = bench.free_run(position, velocity, self.drive, self.effects, around, load)
-        return self._recording(name, "free-run", signals, around, noise_seed, start_angle, replicate)
+        return self._recording(name, "free-run", signals, around, (seed, noise_seed), start_angle, replicate)
 
     def starting_torque_run(
         self, name: str, seed: int, noise_seed: int, start_angle: float, replicate: str | None = None, number: int = 0
@@ -241,7 +259,7 @@ class Campaign:
         room = float(self._conditions(1, seed).temperature[0])
         signals = bench.starting_torque(torque, 1.0 / self.rate, start_angle, 0.5, self.drive, self.effects, room)
         around = self._conditions(signals[0].size, seed)
-        return self._recording(name, "starting-torque", signals, around, noise_seed, start_angle, replicate)
+        return self._recording(name, "starting-torque", signals, around, (seed, noise_seed), start_angle, replicate)
 
     def _repeated(
         self, procedure: str, index: int, twice: bool, start_angle: float, rng: np.random.Generator
@@ -318,14 +336,18 @@ class Campaign:
         procedure: str,
         signals: bench.Signals,
         around: bench.Conditions,
-        noise_seed: int,
+        seeds: tuple[int, int],
         start_angle: float,
         replicate: str | None,
     ) -> Recording:
-        truth = Truth(*signals, temperature=around.temperature)
+        """Measure the true signals; `seeds`: of the run's conditions, which its replicate shares, and of its noise."""
+        seed, noise_seed = seeds
+        truth, channels = Truth(*signals, temperature=around.temperature), {}
+        if self.further is not None:
+            truth, channels = self.further(procedure, truth, around.time, seed)
         rng = np.random.default_rng(noise_seed)
         columns, zeros = measure(truth, self.instruments, self.drive.ratio, rng, self.effects, around.time)
-        return Recording(name, procedure, replicate, start_angle, around.time, columns, truth, zeros)
+        return Recording(name, procedure, replicate, start_angle, around.time, columns | channels, truth, zeros)
 
 
 def held_out(recordings: tuple[Recording, ...]) -> tuple[str, ...]:

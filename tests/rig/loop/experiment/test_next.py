@@ -43,8 +43,8 @@ def test_the_printed_command_ends_the_ambiguity(tmp_path, campaign, effect, valu
     assert 0.1 < told["minutes"] < 5.0
     record(bench, told["command"], 52, tmp_path / "second")
     result = loop([tmp_path / "first", tmp_path / "second"], tmp_path / "after")
-    assert result["verdict"] == "named"
-    assert result["effects"] == [effect]
+    # the steps of the drives' torque that shake the mesh may leave structure open beside it
+    assert [(step["verdict"], step["effect"]) for step in result["steps"]] == [("named", effect)]
     assert not any(step["next_experiment"] for step in result["steps"])
 
 

@@ -1,0 +1,131 @@
+"""One case from the draw to its line in the results: hide, let the loop answer, freeze the answer, score it."""
+
+import json
+import multiprocessing
+import time
+import warnings
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from drivers.errors import RigError
+from rig.config.dut import Dut
+from rig.log.run import Run
+from rig.loop.campaign import LoopOptions
+from rig.loop.trace import trace
+from tests.challenge import on_bench
+from tests.challenge.cases import Case, make_case
+from tests.challenge.scoring import score
+from tests.challenge.sizes import Hidden, hide, logs_of, oracle_of
+from tests.rig.loop.runs import dut as default_dut
+
+
+def answer_of(runs: Sequence[Run], dut: Dut, held_out: tuple[str, ...]) -> str:
+    """Let the loop answer, and freeze what it says as JSON: it is given the logs and the device file, nothing else."""
+    started = time.process_time()
+    try:
+        result = trace(runs, dut, LoopOptions(held_out=held_out))
+    except RigError as error:
+        return json.dumps({"error": str(error)})
+    base = {name: value.model_dump() for name, value in result.model.base.parameters.items()}
+    # of this process: on a busy machine the wall clock measures the others
+    return json.dumps({**result.to_json(), "base": base, "processor_s": time.process_time() - started})
+
+
+def run_case(family: str, seed: int) -> dict[str, Any]:
+    """Give the line of one case."""
+    case = make_case(family, seed)
+    if family == "bench":
+        oracle, hidden, runs, dut, held_out = on_bench.prepared(case)
+    else:
+        oracle, dut = oracle_of(case), default_dut()
+        hidden = hide(case, oracle)
+        runs, held_out = logs_of(case, hidden)
+    frozen = answer_of(runs, dut, held_out)
+    answer = json.loads(frozen)
+    samples = sum(run.time.size for run in runs)
+    return {
+        **_told(case, hidden),
+        "runs": len(runs),
+        "samples": samples,
+        **score(case, hidden, oracle, answer),
+        **_brief(answer),
+    }
+
+
+def _told(case: Case, hidden: Hidden) -> dict[str, Any]:
+    return {
+        "family": case.family,
+        "seed": case.seed,
+        "design": case.design,
+        "noise": case.noise.value,
+        "hidden": list(case.ids) or ([case.outside] if case.outside else []),
+        "wanted": case.size,
+        "sizes": list(hidden.sizes),
+        "in": list(hidden.equations),
+        "scales": list(hidden.scales),
+        "lacks": case.needs,
+        "truth": [asdict(effects) for effects in hidden.effects],
+        "constants": {**case.constants, "amplitude": hidden.outside_amplitude} if case.outside else {},
+    }
+
+
+def _brief(answer: dict[str, Any]) -> dict[str, Any]:
+    """Give what one wants to see of the answer to know where it fails."""
+    if "error" in answer:
+        return {}
+    keep = ("verdict", "effect", "set", "variable", "shape", "equation", "p_value", "lines")
+    return {
+        "steps": [{key: step[key] for key in keep} for step in answer["steps"]],
+        "open": [
+            {"verdict": item["verdict"], "group": item["group"], "meaning": item["evidence"].get("meaning")}
+            for item in answer["open"]
+        ],
+        "seconds": answer["processor_s"],
+        "warnings": [text for text in answer["warnings"] if text.startswith("Found, not added")],
+    }
+
+
+def run_all(cases: Iterable[tuple[str, int]], folder: Path, workers: int) -> None:
+    """Run every case that has no line yet in the folder's files; each line is appended as soon as it is there."""
+    folder.mkdir(parents=True, exist_ok=True)
+    open_cases = [(family, seed, folder) for family, seed in cases if (family, seed) not in done(folder)]
+    if workers == 1:
+        for item in open_cases:
+            _append(item)
+        return
+    with multiprocessing.get_context("spawn").Pool(workers, maxtasksperchild=20) as pool:
+        for _ in pool.imap_unordered(_append, open_cases):
+            pass
+
+
+def _append(item: tuple[str, int, Path]) -> None:
+    family, seed, folder = item
+    if (family, seed) in done(folder):  # another process was faster
+        return
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        line = run_case(family, seed)
+    with (folder / f"{family}.jsonl").open("a") as file:
+        file.write(json.dumps(line) + "\n")
+    found = ", ".join(line.get("added", [])) or line.get("error", "-")
+    print(
+        f"{family} {seed} {line['design']} {line['noise']}: {', '.join(line['hidden'])} -> {line['naming']}: {found}",
+        flush=True,
+    )
+
+
+def done(folder: Path) -> set[tuple[str, int]]:
+    """Give the cases that have a line."""
+    return {(line["family"], line["seed"]) for line in lines_in(folder)}
+
+
+def lines_in(folder: Path) -> list[dict[str, Any]]:
+    """Give the lines of all results in a folder, one a case, by family and seed."""
+    found: dict[tuple[str, int], dict[str, Any]] = {}
+    for path in sorted(folder.glob("*.jsonl")):
+        for text in path.read_text("utf-8").splitlines():
+            line = json.loads(text)
+            found[line["family"], line["seed"]] = line
+    return [found[key] for key in sorted(found)]

@@ -1,0 +1,95 @@
+"""What the table counts, and what it leaves out of which bar."""
+
+from typing import Any
+
+from tests.challenge.table import Bar, bars, report
+
+
+def line(family: str, naming: str, hidden: list[str] | None = None, **other: Any) -> dict[str, Any]:
+    return {
+        "family": family,
+        "naming": naming,
+        "seed": 1,
+        "design": "rich",
+        "noise": "white",
+        "hidden": ["soft-windup"] if hidden is None else hidden,
+        "wanted": 1.0,
+        "sizes": [1.0],
+        "found": ["soft-windup"] if naming == "right" else [],
+        "added": ["soft-windup"] if hidden is None else [],
+        "parameters": [],
+        "after_over_oracle": {"torsion": 1.0},
+        "after_over_before": {"torsion": 0.5},
+        "seconds": 3.0,
+        "samples": 1000,
+        **other,
+    }
+
+
+def bar(lines: list[dict[str, Any]], text: str) -> Bar:
+    (found,) = [item for item in bars(lines) if item.text.startswith(text)]
+    return found
+
+
+def counted(lines: list[dict[str, Any]], text: str) -> tuple[int, int]:
+    rate = bar(lines, text).rate
+    return rate.hits, rate.count
+
+
+def test_a_wrong_answer_counts_against_the_bar():
+    lines = [line("single", "right"), line("single", "wrong"), line("single", "extra"), line("single", "in set")]
+    assert counted(lines, "one effect of the floor's size") == (1, 4)
+
+
+def test_what_could_not_get_its_size_is_in_no_bar_but_is_told():
+    lines = [line("single", "right"), line("single", "missed", sizes=[0.2], hidden=["torque-sensor-gain"])]
+    assert counted(lines, "one effect of the floor's size") == (1, 1)
+    assert counted(lines, "held-out error") == (1, 1)
+    assert "| torque-sensor-gain | 1 | 0.2 | missed |" in report(lines)
+
+
+def test_the_members_of_a_set_stay_in_one_cell():
+    text = report([line("single", "in set", added=["ambiguous:backlash|soft-windup"])])
+    assert "| ambiguous:backlash\\|soft-windup |" in text
+
+
+def test_every_noise_kind_has_its_own_bar():
+    lines = [line("none", "right", hidden=[]), line("none", "wrong", hidden=[], noise="ar1")]
+    assert counted(lines, "nothing hidden, white") == (1, 1)
+    assert counted(lines, "nothing hidden, ar1") == (0, 1)
+    claimed = line("none", "wrong", hidden=[], added=["cogging"])
+    assert counted([*lines, claimed], "nothing hidden, any noise: nothing added") == (2, 3)
+
+
+def test_one_of_two_effects_is_not_both():
+    two = ["soft-windup", "cogging"]
+    lines = [line("pair", "missed", hidden=two, sizes=[1.0, 1.0], found=["cogging"])]
+    lines += [line("pair", "extra", hidden=two, sizes=[1.0, 1.0], found=two)]
+    assert counted(lines, "two effects") == (1, 2)
+
+
+def test_an_error_above_the_oracles_in_any_equation_counts():
+    lines = [line("single", "right", after_over_oracle={"torsion": 1.0, "motor-torque": 1.06}), line("third", "right")]
+    assert counted(lines, "held-out error") == (1, 2)
+
+
+def test_an_event_need_not_reach_the_oracle():
+    assert counted([line("single", "right", hidden=["encoder-missed-counts"])], "held-out error") == (0, 0)
+
+
+def test_a_refusal_is_no_right_answer_anywhere():
+    refused = {"error": "a leak", "added": [], "after_over_oracle": {}, "after_over_before": {}}
+    lines = [line("outside", "error", **refused), line("single", "error", **refused)]
+    assert counted(lines, "physics outside the catalogue: held-out") == (0, 1)
+    assert counted(lines, "held-out error") == (0, 1)
+    assert "a leak" in report(lines)
+
+
+def test_intervals_are_counted_over_all_cases_and_those_of_effects_and_base_apart():
+    def interval(of: str, inside: bool) -> dict[str, Any]:
+        return {"of": of, "name": "x", "truth": 1.0, "value": 1.5, "ci95": [1.0, 2.0], "inside": inside}
+
+    lines = [line("single", "right", parameters=[interval("base", True), interval("soft-windup", False)])]
+    assert counted(lines, "95 % intervals that hold the truth, all") == (1, 2)
+    assert counted(lines, "95 % intervals that hold the truth, effects") == (0, 1)
+    assert counted(lines, "95 % intervals that hold the truth, base") == (1, 1)
