@@ -20,7 +20,7 @@ from sim_backend.errors import ModelError
 
 Floats = NDArray[np.float64]
 
-BLOCK = 0.5
+BLOCK = 2.0
 """s over which residuals are summed for tests and intervals; longer where the residual remembers longer."""
 
 COARSE = 3000

@@ -12,7 +12,7 @@ LEAST_SHAPE_SHARE = 0.03
 """The same for an effect that is no line: a smoothed torque leaves a per cent of what follows it."""
 
 LEAST_CURVE_SHARE = 0.1
-"""The same for a shape without a name, which bends to whatever a law leaves."""
+"""The same for a shape without a name, which bends to whatever a law leaves, and for a line over the time."""
 
 LARGE_SHARE = 0.1
 """Share of an equation's squares that is looked at again with shorter blocks: a slow, strong line looks like memory."""

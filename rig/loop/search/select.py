@@ -23,6 +23,7 @@ from rig.loop.result import Candidate, Verdict
 from rig.loop.search.acceptance import (
     BEST_SHARE,
     LARGE_SHARE,
+    LEAST_CURVE_SHARE,
     LEAST_SHAPE_SHARE,
     LEAST_SHARE,
     MOST_CLASSES,
@@ -396,7 +397,8 @@ def _judge(
     # what bends an angle shows in the angle, not only in the torque by which it acts back on the motor
     share = trial.share_of(Equation.TORSION) if proposal.kind.is_angle else trial.share
     room = proposal.kind in kinds or len(kinds) < MOST_CLASSES
-    why, unpaid = objection(share, LEAST_SHARE, room=room), unpaid_by(trial)
+    least = LEAST_CURVE_SHARE if proposal.kind.variable == "time" else LEAST_SHARE
+    why, unpaid = objection(share, least, room=room), unpaid_by(trial)
     legs = samplings(ground.fit.linear, proposal.kind.variable)
     if (
         not why

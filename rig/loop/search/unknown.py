@@ -61,7 +61,7 @@ INTERNAL = frozenset(
 )
 MODELLED = frozenset({*ANGLES, "output_torque", "motor_torque", "motor_velocity"})
 
-MORE_THAN_A_COLUMN = 3.0
+MORE_THAN_A_COLUMN = 30.0
 """Gain by which each further value of a curve must pay for itself before it is compared with an effect."""
 
 
@@ -103,7 +103,6 @@ def _kinds(samples: Mapping[str, Floats]) -> Iterator[tuple[Enters, str, Form, s
     other = [name for name in known if name not in MODELLED]
     torsion = [("output_torque", form) for form in (Form.CURVE, Form.PLAY, Form.PEAK, Form.LAG, Form.RATE)]
     torsion += [("motor_velocity", form) for form in (Form.CURVE, Form.LAG, Form.RATE)]
-    torsion += [("motor_torque", Form.CURVE)]
     if "output_torque" in known:
         yield Enters.TORSION, "motor_position", Form.WAVE, "output_torque"
     motor = [("motor_velocity", form) for form in (Form.CURVE, Form.LAG, Form.RATE)]

@@ -38,7 +38,7 @@ def truth(folder: Path, effect: str, **values: float) -> Path:
             parameters={},
         )
     else:
-        kind = ShapeClass(effect)
+        kind = ShapeClass(CATALOGUE[effect])
         given = {p.name: ModelEstimate(value=known[p.name], unit=p.unit) for p in entry.parameters}
         hidden = ModelEffect(
             effect=effect, enters=kind.enters, variable=kind.variable, shape=kind.shape, parameters=given
