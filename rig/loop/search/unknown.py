@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rig.loop.fitting.fit import RIDGE, Fit, fit, refit, with_noise
 from rig.loop.model.curves import ANGLES, WITHOUT_KNOTS, Curve, Form, tents, zero_of
-from rig.loop.model.equations import Piece
+from rig.loop.model.equations import Equation, Piece
 from rig.loop.model.evaluation import FLEXSPLINE_TORQUE
 from rig.loop.model.shapes import SWEPT_TORQUE, ShapeTerm
 from rig.loop.search.acceptance import (
@@ -73,6 +73,10 @@ def curves(ground: Ground, scales: Scales) -> list[ShapeTerm]:
     """Give every curve that is tried, with its knots scaled to the campaign and its values at 0."""
     samples = _samples(ground)
     found = []
+    # without the motor torque nothing tells another torsion from the windup of the wave generator
+    angles = [item.piece.track for item in ground.fit.linear if item.piece.equation is Equation.TORSION]
+    if any(track.M is None for track in angles):
+        return []
     for enters, variable, form, factor in _kinds(samples):
         most = float(np.abs(samples[variable]).max())
         choices: list[tuple[float, ...]]
