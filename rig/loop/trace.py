@@ -31,8 +31,9 @@ from rig.loop.model.terms import Entry, Line, TermClass
 from rig.loop.result import EquationResult, Errors, LoopResult, Open, Step
 from rig.loop.search.acceptance import NOT_EVERYWHERE
 from rig.loop.search.aliases import aliases, samplings
+from rig.loop.search.decision import Selection, Unadded
 from rig.loop.search.lines import USUAL_HIGHEST_ORDER
-from rig.loop.search.select import Selection, Unadded, select
+from rig.loop.search.select import select
 from rig.loop.signals.checks import check_gear, check_magnitudes, check_signs
 from rig.loop.signals.tracks import Track, make_track, thin_track
 from rig.loop.statements.metrics import Floor, Residual, errors, floor_of, pooled, residual_of
@@ -85,7 +86,7 @@ def trace(
     check_signs([*train, *held_out], ratio)
     start = scaled_to_data(start_model(dut, ratio, options.law, options.base), train)
     thinned = [distinct_readings(piece) for track in train for piece in pieces_of(thin_track(track), ratio)]
-    pieces = _settled(thinned, start)
+    pieces = settled_pieces(thinned, start)
     if not pieces:
         raise DataError(
             ", ".join(track.name for track in train[:4]),
@@ -269,7 +270,7 @@ def _up_to(pieces: Sequence[Piece], fastest: float) -> list[Piece]:
     return kept
 
 
-def _settled(pieces: Sequence[Piece], start: Model) -> list[Piece]:
+def settled_pieces(pieces: Sequence[Piece], start: Model) -> list[Piece]:
     """Leave out samples that the law does not determine: an unknown start of a play, a mesh that sticks."""
     kept = []
     for piece in pieces:

@@ -15,11 +15,11 @@ import numpy as np
 from rig.config.dut import Dut
 from rig.log.run import Run
 from rig.loop.fitting.fit import Fit, fit
-from rig.loop.model.equations import FEWEST_SAMPLES, Piece, distinct_readings, pieces_of, target_of
-from rig.loop.model.prediction import Model, predict
+from rig.loop.model.equations import distinct_readings, pieces_of, target_of
+from rig.loop.model.prediction import Model
 from rig.loop.signals.tracks import Track, make_track, thin_track
 from rig.loop.statements.metrics import Residual, residual_of
-from rig.loop.trace import fit_base, start_model
+from rig.loop.trace import fit_base, settled_pieces, start_model
 from sim_backend.model.compliance import Compliance
 from tests.challenge.cases import LARGEST, Case, campaign_of, scaled, together
 from tests.challenge.outside import OUTSIDE
@@ -84,7 +84,7 @@ def base_oracle(runs: Sequence[Run], out: Sequence[str], dut: Dut) -> Oracle:
     tracks = [make_track(run, dut) for run in runs if run.name not in out]
     start = start_model(dut, dut.gear.ratio, Compliance.ARCTAN, None)
     thin = [distinct_readings(piece) for track in tracks for piece in pieces_of(thin_track(track), dut.gear.ratio)]
-    base = fit_base(_settled(thin, start), start)
+    base = fit_base(settled_pieces(thin, start), start)
     held = [make_track(run, dut) for run in runs if run.name in out]
     return Oracle(base, _rms(_residuals(tracks, base.model)), _rms(_residuals(held, base.model)))
 
@@ -190,16 +190,6 @@ def _difference(one: Sequence[Residual], other: Sequence[Residual]) -> dict[str,
             _, here, there = np.intersect1d(item.time, same.time, return_indices=True)
             squares.setdefault(item.piece.equation.value, []).append((item.values[here] - same.values[there]) ** 2)
     return {name: float(np.sqrt(np.mean(np.concatenate(values)))) for name, values in squares.items()}
-
-
-def _settled(pieces: Sequence[Piece], start: Model) -> list[Piece]:
-    """Leave out samples at which a play is not known to follow, as the loop does."""
-    kept = []
-    for piece in pieces:
-        settled = predict(piece, start).settled[piece.index]
-        if settled.sum() >= FEWEST_SAMPLES:
-            kept.append(replace(piece, index=piece.index[settled], target=piece.target[settled]))
-    return kept
 
 
 def _residuals(tracks: Sequence[Track], model: Model) -> list[Residual]:

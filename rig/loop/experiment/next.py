@@ -30,7 +30,8 @@ from rig.loop.model.equations import Equation, Piece
 from rig.loop.model.shapes import ShapeClass
 from rig.loop.model.terms import TermClass
 from rig.loop.result import NextExperiment, Open, Step, Verdict
-from rig.loop.search.select import LEAST_START_ANGLES, QUOTIENT, SINGLE_ANGLE_SET, TWINS, Decision
+from rig.loop.search.decision import Decision
+from rig.loop.search.select import LEAST_START_ANGLES, QUOTIENT, SINGLE_ANGLE_SET, TWINS
 from sim_backend.errors import ModelError
 from sim_backend.model.effects import CATALOGUE
 

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rig.loop.fitting.fit import Fit, refit, with_noise
-from rig.loop.model.curves import Curve
 from rig.loop.model.equations import Equation, Piece
 from rig.loop.model.evaluation import angle_addition
 from rig.loop.model.shapes import ShapeClass
@@ -35,11 +34,12 @@ from rig.loop.search.acceptance import (
 from rig.loop.search.aliases import aliases, beats, counts_pass, likeliest, samplings, small_beats
 from rig.loop.search.compliance_form import other_compliance
 from rig.loop.search.contenders import by_joint_fit
+from rig.loop.search.decision import Decision, Selection, Unadded
 from rig.loop.search.lines import USUAL_HIGHEST_ORDER, refine
 from rig.loop.search.proposals import Proposal, propose, same_place
 from rig.loop.search.shape_trials import Scales, ShapeTrial, scales_of, shape_trials, trial_columns
 from rig.loop.search.trial import Ground, Trial, consistent, consistent_shape, line_gain, prepare, try_columns, try_line
-from rig.loop.search.unknown import best_curve, better_curve, still_needed
+from rig.loop.search.unknown import unnamed
 from rig.loop.search.withdraw import withdraw
 from sim_backend.model.effects import Enters
 
@@ -48,9 +48,6 @@ STANDS_OUT = 30.0
 
 SET_SHARE = 0.9
 MOST_LINES = 16
-MOST_TOLD = 8
-"""Curves that are told as candidates."""
-
 QUOTIENT = ("torque-constant-error", "torque-sensor-gain")
 """What base parameters take up, each its own: only that the two torques do not agree shows, never which is wrong."""
 
@@ -77,47 +74,6 @@ TWINS: dict[str, str] = {
 
 SINGLE_ANGLE_SET = ("flexspline-compliance", "kinematic-error", "soft-windup", "stiffness-modulation")
 """What one start angle cannot tell apart (quotient group of the effect catalogue)."""
-
-
-@dataclass(frozen=True, slots=True)
-class Decision:
-    """What was decided about one class that was added: verdict, set (if ambiguous), candidates and p-value."""
-
-    kind: TermClass | ShapeClass
-    verdict: Verdict
-    members: tuple[str, ...]
-    candidates: tuple[Candidate, ...]
-    p_value: float
-
-    @property
-    def effect(self) -> str:
-        """The id in the result."""
-        return "ambiguous:" + "|".join(self.members) if self.members else self.kind.id
-
-
-@dataclass(frozen=True, slots=True)
-class Unadded:
-    """A term that was found and is significant, but was not added, and why. `order`: of a line."""
-
-    kind: TermClass | ShapeClass
-    order: float | None
-    amplitude: float
-    p_value: float
-    share: float
-    why: str
-
-
-@dataclass(frozen=True, slots=True)
-class Selection:
-    """Outcome: the fit with everything that was added, the decisions in order, and what was found but not added.
-
-    `left`: how the effects that are no lines explain what is left at the end.
-    """
-
-    fit: Fit
-    decisions: tuple[Decision, ...]
-    unadded: tuple[Unadded, ...]
-    left: tuple[Trial, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,45 +136,10 @@ def select(
     on_stage("judging whether what was added must stay")
     current = withdraw(pieces, current, alpha)
     on_stage("trying shapes without a name on what is left")
-    current, decisions = _unnamed(pieces, current, decisions, alpha, _scales(prepare(current), known))
+    current, decisions = unnamed(pieces, current, decisions, alpha, _scales(prepare(current), known))
     kept: set[TermClass | ShapeClass] = {line.kind for line in current.model.lines}
     kept |= {term.kind for term in current.model.shapes}
     return Selection(current, tuple(d for d in decisions if d.kind in kept), tuple(unadded.values()), left)
-
-
-def _unnamed(
-    pieces: Sequence[Piece], current: Fit, decisions: list[Decision], alpha: float, scales: Scales
-) -> tuple[Fit, list[Decision]]:
-    """Put shapes without a name where they explain more than the effects that were added, or beside them."""
-    decisions = list(decisions)
-    for term in current.model.shapes:
-        better = better_curve(pieces, current, term, scales)
-        if better is not None and all(better.term.kind != other.kind for other in decisions):
-            shapes = tuple(better.term if x.kind == term.kind else x for x in current.model.shapes)
-            current = refit(pieces, current, replace(current.model, shapes=shapes))
-            place = next(k for k, decision in enumerate(decisions) if decision.kind == term.kind)
-            decisions[place] = _of_curve(better, min(1.0, better.trial.single_p * better.tests), [better])
-    while len({decision.kind for decision in decisions}) <= MOST_CLASSES:
-        found = best_curve(pieces, prepare(current), scales, alpha)
-        if found is None:
-            break
-        best, current, p_value, tried = found
-        decisions.append(_of_curve(best, p_value, tried))
-    if any(isinstance(term.effect, Curve) for term in current.model.shapes):
-        for term in [x for x in current.model.shapes if not isinstance(x.effect, Curve)]:
-            here = next(x for x in current.model.shapes if x.kind == term.kind)
-            if not still_needed(pieces, current, here, alpha):
-                shapes = tuple(x for x in current.model.shapes if x is not here)
-                current = refit(pieces, current, replace(current.model, shapes=shapes))
-    return current, decisions
-
-
-def _of_curve(best: ShapeTrial, p_value: float, tried: Sequence[ShapeTrial]) -> Decision:
-    near = tuple(
-        Candidate(f"{x.term.effect.id}, {x.term.kind.enters}", x.trial.gain, min(1.0, x.trial.single_p * x.tests))
-        for x in tried[:MOST_TOLD]
-    )
-    return Decision(best.term.kind, Verdict.UNNAMED, (), near, p_value)
 
 
 def _round(

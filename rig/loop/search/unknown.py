@@ -15,16 +15,19 @@ from rig.loop.model.curves import ANGLES, WITHOUT_KNOTS, Curve, Form, tents, zer
 from rig.loop.model.equations import Equation, Piece
 from rig.loop.model.evaluation import FLEXSPLINE_TORQUE
 from rig.loop.model.shapes import SWEPT_TORQUE, ShapeTerm
+from rig.loop.result import Candidate, Verdict
 from rig.loop.search.acceptance import (
     BEST_SHARE,
     LARGE_SHARE,
     LEAST_CURVE_SHARE,
     LEAST_SHAPE_SHARE,
+    MOST_CLASSES,
     objection,
     pays_jointly,
     unpaid_by,
 )
 from rig.loop.search.contenders import by_joint_fit
+from rig.loop.search.decision import Decision
 from rig.loop.search.shape_trials import Scales, ShapeTrial, sized, trial_columns
 from rig.loop.search.trial import Ground, consistent_shape, prepare, try_columns
 from sim_backend.model.effects import Enters
@@ -59,11 +62,15 @@ WAVES = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
 INTERNAL = frozenset(
     {FLEXSPLINE_TORQUE, SWEPT_TORQUE, "direction", "locked", "flexspline_torsion", "base_friction", "motor_current"}
 )
+"""Names of the model's own, no signals of a log; and a current, which says what the torque says."""
 MODELLED = frozenset({*ANGLES, "output_torque", "motor_torque", "motor_velocity"})
+"""Signals that the model follows anyway; whatever else was recorded is tried as it stands."""
 
 MORE_THAN_A_COLUMN = 30.0
 """Gain by which each further value of a curve must pay for itself before it is compared with an effect."""
 
+MOST_TOLD = 8
+"""Curves that are told as candidates."""
 
 NEARLY = 0.9
 """Share of the best gain of a curve's choices of knots from which on the choice that pays most is taken."""
@@ -71,12 +78,11 @@ NEARLY = 0.9
 
 def curves(ground: Ground, scales: Scales) -> list[ShapeTerm]:
     """Give every curve that is tried, with its knots scaled to the campaign and its values at 0."""
+    # without the motor torque nothing tells another torsion from the windup of the wave generator
+    if any(item.piece.equation is Equation.TORSION and item.piece.track.M is None for item in ground.fit.linear):
+        return []
     samples = _samples(ground)
     found = []
-    # without the motor torque nothing tells another torsion from the windup of the wave generator
-    angles = [item.piece.track for item in ground.fit.linear if item.piece.equation is Equation.TORSION]
-    if any(track.M is None for track in angles):
-        return []
     for enters, variable, form, factor in _kinds(samples):
         most = float(np.abs(samples[variable]).max())
         choices: list[tuple[float, ...]]
@@ -183,7 +189,45 @@ def _one_of_each(trials: Sequence[ShapeTrial]) -> list[ShapeTrial]:
     return found
 
 
-def best_curve(
+def unnamed(
+    pieces: Sequence[Piece], current: Fit, decisions: list[Decision], alpha: float, scales: Scales
+) -> tuple[Fit, list[Decision]]:
+    """Put shapes without a name where they explain more than the effects that were added, or beside them.
+
+    Gives the fit and the decisions. `decisions`: of what was added so far; `alpha`: family-wise false-alarm rate.
+    """
+    decisions = list(decisions)
+    for term in current.model.shapes:
+        better = _better_curve(pieces, current, term, scales, alpha)
+        if better is not None and all(better.term.kind != other.kind for other in decisions):
+            shapes = tuple(better.term if x.kind == term.kind else x for x in current.model.shapes)
+            current = refit(pieces, current, replace(current.model, shapes=shapes))
+            place = next(k for k, decision in enumerate(decisions) if decision.kind == term.kind)
+            decisions[place] = _of_curve(better, min(1.0, better.trial.single_p * better.tests), [better])
+    while len({decision.kind for decision in decisions}) <= MOST_CLASSES:
+        found = _best_curve(pieces, prepare(current), scales, alpha)
+        if found is None:
+            break
+        best, current, p_value, tried = found
+        decisions.append(_of_curve(best, p_value, tried))
+    if any(isinstance(term.effect, Curve) for term in current.model.shapes):
+        for term in [x for x in current.model.shapes if not isinstance(x.effect, Curve)]:
+            here = next(x for x in current.model.shapes if x.kind == term.kind)
+            if not _still_needed(pieces, current, here, alpha):
+                shapes = tuple(x for x in current.model.shapes if x is not here)
+                current = refit(pieces, current, replace(current.model, shapes=shapes))
+    return current, decisions
+
+
+def _of_curve(best: ShapeTrial, p_value: float, tried: Sequence[ShapeTrial]) -> Decision:
+    near = tuple(
+        Candidate(f"{x.term.effect.id}, {x.term.kind.enters}", x.trial.gain, min(1.0, x.trial.single_p * x.tests))
+        for x in tried[:MOST_TOLD]
+    )
+    return Decision(best.term.kind, Verdict.UNNAMED, (), near, p_value)
+
+
+def _best_curve(
     pieces: Sequence[Piece], ground: Ground, scales: Scales, alpha: float
 ) -> tuple[ShapeTrial, Fit, float, list[ShapeTrial]] | None:
     """Give the best curve that may be added, the joint fit with it, its p-value, and all that were tried."""
@@ -210,14 +254,22 @@ def best_curve(
     return None
 
 
-def better_curve(pieces: Sequence[Piece], current: Fit, term: ShapeTerm, scales: Scales) -> ShapeTrial | None:
+def _better_curve(
+    pieces: Sequence[Piece], current: Fit, term: ShapeTerm, scales: Scales, alpha: float
+) -> ShapeTrial | None:
     """Give the curve that explains more than an effect which was added, None if the effect holds with 95 %.
 
     Both are compared without the effect, everything else there, and by joint fits.
     """
     without = prepare(_without(pieces, current, term))
     own = try_columns(without, term.effect.id, trial_columns(without, term))
-    trials = [x for x in curve_trials(without, scales) if x.trial.gain * BEST_SHARE > own.gain]
+    trials = [
+        x
+        for x in curve_trials(without, scales)
+        if x.trial.gain * BEST_SHARE > own.gain
+        and x.trial.single_p * x.tests <= alpha
+        and not (objection(x.trial.share, LEAST_CURVE_SHARE, room=True) or unpaid_by(x.trial))
+    ]
     if not trials:
         return None
     ranked = by_joint_fit(pieces, without, [trials[0], ShapeTrial(term, own, 1.0)])
@@ -225,7 +277,7 @@ def better_curve(pieces: Sequence[Piece], current: Fit, term: ShapeTerm, scales:
     return trials[0] if gains[False] * BEST_SHARE > gains[True] else None
 
 
-def still_needed(pieces: Sequence[Piece], current: Fit, term: ShapeTerm, alpha: float) -> bool:
+def _still_needed(pieces: Sequence[Piece], current: Fit, term: ShapeTerm, alpha: float) -> bool:
     """Whether an effect would be added to what else is there now."""
     without = prepare(_without(pieces, current, term))
     trial = try_columns(without, term.effect.id, trial_columns(without, term))

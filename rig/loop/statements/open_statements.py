@@ -14,7 +14,8 @@ from rig.loop.model.equations import Equation
 from rig.loop.model.parameters import flexspline_entries
 from rig.loop.result import EquationResult, Json, Open, Verdict
 from rig.loop.search.acceptance import LEAST_IMPROVED
-from rig.loop.search.select import LEAST_SLOPE, QUOTIENT, Selection
+from rig.loop.search.decision import Selection
+from rig.loop.search.select import LEAST_SLOPE, QUOTIENT
 from rig.loop.statements.evidence import Memory, Repeats, memory, repeats
 from rig.loop.statements.metrics import LEAST_DWELL, Residual, dwell_of, quantisation_square
 from rig.loop.statements.report_steps import base_estimates

@@ -15,7 +15,7 @@ from rig.loop.model.frames import turned, turned_shape, wrapped
 from rig.loop.model.shapes import ShapeTerm
 from rig.loop.model.terms import Line
 from rig.loop.result import Estimate, LineResult, Shift, Step
-from rig.loop.search.select import Decision
+from rig.loop.search.decision import Decision
 
 Floats = NDArray[np.float64]
 
