@@ -95,9 +95,9 @@ def fit(
 
 
 def coarse(pieces: Sequence[Piece]) -> list[Piece]:
-    """Give the pieces with at most `COARSE` samples of every turning run and one a `COARSE_PERIOD` of the others.
+    """Give the pieces with about `COARSE` samples of every turning run and one a `COARSE_PERIOD` of the others.
 
-    That is enough to find the way, not the interval.
+    That is enough to find the way, not the interval. The samples stay even in time, for what remembers.
     """
     found = []
     for piece in pieces:
@@ -105,10 +105,9 @@ def coarse(pieces: Sequence[Piece]) -> list[Piece]:
         if not piece.track.moves:
             piece = _averaged(piece)
         elif step > 1:
-            rows = piece.index[::step]
-            piece = replace(
-                piece, track=pick_rows(piece.track, rows), index=np.arange(rows.size), target=piece.target[::step]
-            )
+            rows = np.arange(0, piece.track.size, step)
+            _, kept, at = np.intersect1d(rows, piece.index, assume_unique=True, return_indices=True)
+            piece = replace(piece, track=pick_rows(piece.track, rows), index=kept, target=piece.target[at])
         found.append(piece)
     return found
 

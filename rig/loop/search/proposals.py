@@ -11,7 +11,7 @@ import numpy as np
 
 from rig.loop.model.equations import Equation
 from rig.loop.model.terms import Entry, TermClass, periodic_effects
-from rig.loop.search.lines import Peak, Spectrum, peaks, scan
+from rig.loop.search.lines import Peak, Spectrum, one_speed, peaks, scan
 from rig.loop.search.trial import Ground, line_gain
 
 LOW_ORDERS = 12.0
@@ -73,7 +73,9 @@ def propose(ground: Ground, known: Mapping[str, float]) -> tuple[list[Proposal],
                 if equation is Equation.TORSION and variable == "motor_position" and ratio is not None:
                     classes += _subdivisions(peak.order * ratio, spectrum.resolution * ratio, counts, effects)
                 found += [replace(proposal, height=peak.height) for proposal in classes]
-        hum = scan(items, "time")
+        # a sweep is the same function of the time in every run: there nothing tells the time from what is swept
+        turning = [item for item in items if item.piece.track.moves]
+        hum = None if one_speed(turning) else scan(turning, "time")
         if hum is not None:
             tests += hum.tests
             slowest = max(LOWEST_FREQUENCY, FEWEST_PERIODS * hum.resolution)

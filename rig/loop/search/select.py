@@ -136,7 +136,7 @@ def select(
     on_stage("judging whether what was added must stay")
     current = withdraw(pieces, current, alpha)
     on_stage("trying shapes without a name on what is left")
-    current, decisions = unnamed(pieces, current, decisions, alpha, _scales(prepare(current), known))
+    current, decisions = unnamed(pieces, current, decisions, alpha, known)
     kept: set[TermClass | ShapeClass] = {line.kind for line in current.model.lines}
     kept |= {term.kind for term in current.model.shapes}
     return Selection(current, tuple(d for d in decisions if d.kind in kept), tuple(unadded.values()), left)

@@ -10,10 +10,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.loop.fitting.fit import RIDGE, Fit, fit, refit, with_noise
+from rig.loop.fitting.fit import RIDGE, Fit, coarse, fit, refit, with_noise
 from rig.loop.model.curves import ANGLES, WITHOUT_KNOTS, Curve, Form, tents, zero_of
 from rig.loop.model.equations import Equation, Piece
 from rig.loop.model.evaluation import FLEXSPLINE_TORQUE
+from rig.loop.model.prediction import Model
 from rig.loop.model.shapes import SWEPT_TORQUE, ShapeTerm
 from rig.loop.result import Candidate, Verdict
 from rig.loop.search.acceptance import (
@@ -28,7 +29,7 @@ from rig.loop.search.acceptance import (
 )
 from rig.loop.search.contenders import by_joint_fit
 from rig.loop.search.decision import Decision
-from rig.loop.search.shape_trials import Scales, ShapeTrial, sized, trial_columns
+from rig.loop.search.shape_trials import Scales, ShapeTrial, scales_of, sized, trial_columns
 from rig.loop.search.trial import Ground, consistent_shape, prepare, try_columns
 from sim_backend.model.effects import Enters
 
@@ -164,9 +165,9 @@ def _knots(variable: str, values: Floats) -> list[tuple[float, ...]]:
     return [tuple(at.tolist()) for at in held if at.size > 1]
 
 
-def curve_trials(ground: Ground, scales: Scales) -> list[ShapeTrial]:
+def curve_trials(ground: Ground, known: Mapping[str, float]) -> list[ShapeTrial]:
     """Score every curve, best first; each further value has to pay for itself."""
-    terms = curves(ground, scales)
+    terms = curves(ground, scales_of(ground.fit.linear, known))
     found = []
     for term in terms:
         trial = try_columns(ground, term.effect.id, trial_columns(ground, term), ridge=RIDGE)
@@ -190,22 +191,24 @@ def _one_of_each(trials: Sequence[ShapeTrial]) -> list[ShapeTrial]:
 
 
 def unnamed(
-    pieces: Sequence[Piece], current: Fit, decisions: list[Decision], alpha: float, scales: Scales
+    pieces: Sequence[Piece], current: Fit, decisions: Sequence[Decision], alpha: float, known: Mapping[str, float]
 ) -> tuple[Fit, list[Decision]]:
     """Put shapes without a name where they explain more than the effects that were added, or beside them.
 
-    Gives the fit and the decisions. `decisions`: of what was added so far; `alpha`: family-wise false-alarm rate.
+    Gives the fit and the decisions. `decisions`: of what was added so far; `alpha`: family-wise false-alarm rate;
+    `known`: parameters that no fit estimates, by name. They are looked for among few samples and judged by all: few
+    samples, each a mean, hold less noise, of which any shape has a larger share.
     """
-    decisions = list(decisions)
+    decisions, few = list(decisions), coarse(pieces)
     for term in current.model.shapes:
-        better = _better_curve(pieces, current, term, scales, alpha)
+        better = _better_curve(pieces, few, current, term, known, alpha)
         if better is not None and all(better.term.kind != other.kind for other in decisions):
             shapes = tuple(better.term if x.kind == term.kind else x for x in current.model.shapes)
             current = refit(pieces, current, replace(current.model, shapes=shapes))
             place = next(k for k, decision in enumerate(decisions) if decision.kind == term.kind)
             decisions[place] = _of_curve(better, min(1.0, better.trial.single_p * better.tests), [better])
     while len({decision.kind for decision in decisions}) <= MOST_CLASSES:
-        found = _best_curve(pieces, prepare(current), scales, alpha)
+        found = _best_curve(pieces, few, current, known, alpha)
         if found is None:
             break
         best, current, p_value, tried = found
@@ -213,7 +216,7 @@ def unnamed(
     if any(isinstance(term.effect, Curve) for term in current.model.shapes):
         for term in [x for x in current.model.shapes if not isinstance(x.effect, Curve)]:
             here = next(x for x in current.model.shapes if x.kind == term.kind)
-            if not _still_needed(pieces, current, here, alpha):
+            if not _still_needed(few, current, here, alpha):
                 shapes = tuple(x for x in current.model.shapes if x is not here)
                 current = refit(pieces, current, replace(current.model, shapes=shapes))
     return current, decisions
@@ -228,12 +231,13 @@ def _of_curve(best: ShapeTrial, p_value: float, tried: Sequence[ShapeTrial]) -> 
 
 
 def _best_curve(
-    pieces: Sequence[Piece], ground: Ground, scales: Scales, alpha: float
+    pieces: Sequence[Piece], few: Sequence[Piece], current: Fit, known: Mapping[str, float], alpha: float
 ) -> tuple[ShapeTrial, Fit, float, list[ShapeTrial]] | None:
     """Give the best curve that may be added, the joint fit with it, its p-value, and all that were tried."""
-    trials = curve_trials(ground, scales)
-    taken = {term.effect.id for term in ground.fit.model.shapes}
-    for candidate in by_joint_fit(pieces, ground, [item for item in trials if item.term.effect.id not in taken])[:2]:
+    sparse = prepare(_with(few, current, current.model))
+    trials = curve_trials(sparse, known)
+    taken = {term.effect.id for term in current.model.shapes}
+    for candidate in by_joint_fit(few, sparse, [item for item in trials if item.term.effect.id not in taken])[:2]:
         trial, term = candidate.trial, candidate.term
         p_value = min(1.0, trial.single_p * candidate.tests)
         large = trial.share >= LARGE_SHARE
@@ -241,49 +245,60 @@ def _best_curve(
             continue
         if unpaid_by(trial) and not large:
             continue
-        joint = refit(pieces, ground.fit, replace(ground.fit.model, shapes=(*ground.fit.model.shapes, term)))
-        again = prepare(with_noise(ground.fit, joint.noise))
+        joint = refit(pieces, current, replace(current.model, shapes=(*current.model.shapes, term)))
+        again = prepare(with_noise(current, joint.noise))
         second = try_columns(again, term.effect.id, trial_columns(again, term), ridge=RIDGE)
         p_value = min(1.0, 2.0 * min(p_value, second.single_p * candidate.tests))
-        if (
-            p_value <= alpha
-            and pays_jointly(ground.fit, joint)
-            and consistent_shape(joint, len(joint.model.shapes) - 1)
-        ):
+        if p_value > alpha or objection(second.share, LEAST_CURVE_SHARE, room=True):
+            continue
+        if pays_jointly(current, joint) and consistent_shape(joint, len(joint.model.shapes) - 1):
             return candidate, joint, p_value, trials
     return None
 
 
 def _better_curve(
-    pieces: Sequence[Piece], current: Fit, term: ShapeTerm, scales: Scales, alpha: float
+    pieces: Sequence[Piece],
+    few: Sequence[Piece],
+    current: Fit,
+    term: ShapeTerm,
+    known: Mapping[str, float],
+    alpha: float,
 ) -> ShapeTrial | None:
     """Give the curve that explains more than an effect which was added, None if the effect holds with 95 %.
 
     Both are compared without the effect, everything else there, and by joint fits.
     """
-    without = prepare(_without(pieces, current, term))
+    without = prepare(_without(few, current, term))
     own = try_columns(without, term.effect.id, trial_columns(without, term))
     trials = [
         x
-        for x in curve_trials(without, scales)
+        for x in curve_trials(without, known)
         if x.trial.gain * BEST_SHARE > own.gain
         and x.trial.single_p * x.tests <= alpha
         and not (objection(x.trial.share, LEAST_CURVE_SHARE, room=True) or unpaid_by(x.trial))
     ]
     if not trials:
         return None
-    ranked = by_joint_fit(pieces, without, [trials[0], ShapeTrial(term, own, 1.0)])
+    ranked = by_joint_fit(few, without, [trials[0], ShapeTrial(term, own, 1.0)])
     gains = {item.term is term: item.trial.gain for item in ranked}
-    return trials[0] if gains[False] * BEST_SHARE > gains[True] else None
+    if gains[False] * BEST_SHARE <= gains[True]:
+        return None
+    best, whole = trials[0], prepare(_without(pieces, current, term))
+    again = try_columns(whole, best.term.effect.id, trial_columns(whole, best.term), ridge=RIDGE)
+    return None if objection(again.share, LEAST_CURVE_SHARE, room=True) else best
 
 
-def _still_needed(pieces: Sequence[Piece], current: Fit, term: ShapeTerm, alpha: float) -> bool:
+def _still_needed(few: Sequence[Piece], current: Fit, term: ShapeTerm, alpha: float) -> bool:
     """Whether an effect would be added to what else is there now."""
-    without = prepare(_without(pieces, current, term))
+    without = prepare(_without(few, current, term))
     trial = try_columns(without, term.effect.id, trial_columns(without, term))
     return trial.single_p <= alpha and trial.share >= LEAST_SHAPE_SHARE and not unpaid_by(trial)
 
 
-def _without(pieces: Sequence[Piece], current: Fit, term: ShapeTerm) -> Fit:
-    shapes = tuple(x for x in current.model.shapes if x is not term)
-    return fit(pieces, replace(current.model, shapes=shapes), current.noise, passes=3, block=current.block)
+def _without(few: Sequence[Piece], current: Fit, term: ShapeTerm) -> Fit:
+    return _with(few, current, replace(current.model, shapes=tuple(x for x in current.model.shapes if x is not term)))
+
+
+def _with(few: Sequence[Piece], current: Fit, model: Model) -> Fit:
+    """Fit a model to few samples, weighted as they are in the current fit."""
+    return fit(few, model, current.noise, passes=3, block=current.block)

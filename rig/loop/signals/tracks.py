@@ -231,7 +231,7 @@ def thin_track(track: Track, over: float = SMOOTHING) -> Track:
 
 
 def pick_rows(track: Track, rows: NDArray[np.intp]) -> Track:
-    """Keep the samples `rows` (m,) of a turning run; its laws have no memory. What rings has one and is left out."""
+    """Keep the samples `rows` (m,), even in time, of a turning run. What rings needs every sample and is left out."""
 
     def pick(values: Floats | None) -> Floats | None:
         return None if values is None else values[rows]

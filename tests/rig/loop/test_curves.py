@@ -177,9 +177,9 @@ def test_the_values_of_a_curve_follow_what_was_hidden() -> None:
     count = sum(name.startswith("at_") for name in step.parameters)
     at = np.array([step.parameters[f"at_{k + 1}"].value for k in range(count)])
     values = np.array([step.parameters[f"value_{k + 1}"].value for k in range(count)])
-    far = np.abs(at - STEPS_AT) > 1.5
-    rise = values[far & (at > STEPS_AT) & (at < 9.0)].mean() - values[far & (at > 1.0) & (at < STEPS_AT)].mean()
-    assert rise == pytest.approx(2.0 * HEIGHT, rel=0.3)  # a slope of it is taken up by the springs
+    low, high = np.interp([STEPS_AT - 2.0, STEPS_AT + 2.0], at, values)
+    # the springs take up a slope of it, and straight lines between knots smear the rest
+    assert 0.4 < (high - low) / (2.0 * HEIGHT) < 1.1
 
 
 @pytest.mark.timeout(300)
