@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rig.loop.model.curves import ANGLES, Curve
 from rig.loop.model.shapes import Place, ShapeTerm, addition, derivatives, place_of
 from rig.loop.model.terms import Derivative, Entry, LineValues, TermClass
+from rig.loop.signals.play import PlayPath
 from sim_backend.model.effects import Effect
 
 Floats = NDArray[np.float64]
@@ -37,8 +38,7 @@ class Evaluation:
     `base`: derivative (n,) by base parameter. `angle`: whether an addition to the torsion shows; `motor`, `load`,
     `friction`: how additions to the motor and the output balance and to the level of friction show. `signals`: what
     terms may use, by name; `positions`: the angles among them. `torque`: output torque by which an angle error acts on
-    the motor. `settled`: the law determines it, whatever the start of a play was and whatever a servo does within the
-    friction. `ratio`: of the gear, 1 where it is unknown.
+    the motor. `play`: the play that the law follows, None if none. `ratio`: of the gear, 1 where it is unknown.
     """
 
     value: Floats
@@ -49,8 +49,13 @@ class Evaluation:
     friction: Route | None
     signals: dict[str, Floats]
     torque: Floats
-    settled: NDArray[np.bool_]
+    play: PlayPath | None
     ratio: float
+
+    @property
+    def settled(self) -> NDArray[np.bool_]:
+        """Whether the law determines the value (n,), however a play began and whatever a servo does within friction."""
+        return np.ones(self.value.size, dtype=bool) if self.play is None else self.play.settled & self.play.sliding
 
     @property
     def positions(self) -> dict[str, Floats]:

@@ -175,10 +175,6 @@ def _without_reading_error(reading: Floats, name: str, model: Model) -> Floats:
     return angle
 
 
-def _everywhere(track: Track) -> NDArray[np.bool_]:
-    return np.ones(track.size, dtype=bool)
-
-
 def _torsion(track: Track, model: Model) -> Evaluation:
     """Evaluate (28); where the angle must be predicted, first without the lines, then with them."""
     N = _ratio(model)
@@ -259,7 +255,7 @@ def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Eva
         swing = -load_weight * _swing(track, model, positions)
         value = value + model.value("J_l") * swing
         base["J_l"] = swing
-    return Evaluation(value, base, True, motor_route, Route(load_weight), friction, signals, T, _everywhere(track), N)
+    return Evaluation(value, base, True, motor_route, Route(load_weight), friction, signals, T, None, N)
 
 
 def _flexspline_columns(T: Floats, torsion: Floats, compliance: Floats, model: Model) -> dict[str, Floats]:
@@ -322,8 +318,7 @@ def _backdrive(track: Track, model: Model) -> Evaluation:
     slipped, last = path.slip >= 0, np.maximum(path.slip, 0)
     carried = Route(np.where(slipped, -1.0 / N, 0.0), last)
     # While the mesh sticks any motor torque within the friction holds the shaft: there the servo decides, not the law.
-    known = path.settled & path.sliding
-    return Evaluation(value, base, False, Route(ones), carried, Route(-path.side, last), signals, T, known, N)
+    return Evaluation(value, base, False, Route(ones), carried, Route(-path.side, last), signals, T, path, N)
 
 
 def _locked(track: Track, model: Model) -> Evaluation:
@@ -353,8 +348,7 @@ def _locked(track: Track, model: Model) -> Evaluation:
         base["J_r"] = inertial
     friction = Route(-N * path.side, last)
     # While the mesh sticks the torque keeps what the rotor's ringing and the gear's own errors made of it.
-    known = path.settled & path.sliding
-    return Evaluation(value, base, False, carried, Route(ones), friction, signals, stand_in, known, N)
+    return Evaluation(value, base, False, carried, Route(ones), friction, signals, stand_in, path, N)
 
 
 def _motor_reading(track: Track, added: Added, signals: dict[str, Floats], torque: Floats) -> Floats:
@@ -413,9 +407,7 @@ def _motor(piece: Piece, model: Model) -> Evaluation:
         # as long as no term stands for the disturbance, the rotor's answer to it would be taken for it
         if any(line.kind.entry.equation is Equation.MOTOR_TORQUE for line in model.lines):
             base |= {"J_r": track.ripple.acceleration, "K_r": track.ripple.position}
-    return Evaluation(
-        value, base, False, Route(ones), load_route, friction, signals, T, _everywhere(track), model.ratio or 1.0
-    )
+    return Evaluation(value, base, False, Route(ones), load_route, friction, signals, T, None, model.ratio or 1.0)
 
 
 def _output(track: Track, model: Model) -> Evaluation:
@@ -426,6 +418,4 @@ def _output(track: Track, model: Model) -> Evaluation:
     friction = sign * model.value("T_co") + viscous_friction(track.speed, model.value("b_o"))
     value = added.load(signals) + friction + inertia(track.acceleration, model.value("J_o")) + model.value("T_0")
     base = {"T_co": sign, "b_o": track.speed, "J_o": track.acceleration, "T_0": ones}
-    return Evaluation(
-        value, base, False, None, Route(ones), None, signals, nothing, _everywhere(track), model.ratio or 1.0
-    )
+    return Evaluation(value, base, False, None, Route(ones), None, signals, nothing, None, model.ratio or 1.0)

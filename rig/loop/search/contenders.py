@@ -11,6 +11,7 @@ from dataclasses import replace
 from rig.loop.fitting.fit import Fit, coarse, fit
 from rig.loop.fitting.normal import noise_of
 from rig.loop.model.equations import Piece
+from rig.loop.search.acceptance import LARGE_SHARE
 from rig.loop.search.shape_trials import ShapeTrial
 from rig.loop.search.trial import Ground
 
@@ -24,12 +25,17 @@ PASSES, REWEIGHTINGS = 10, 3
 """Passes of a fit at most, and how often its weights are taken anew from its residual."""
 
 
-def by_joint_fit(pieces: Sequence[Piece], ground: Ground, trials: Sequence[ShapeTrial]) -> list[ShapeTrial]:
+def by_joint_fit(
+    pieces: Sequence[Piece], ground: Ground, trials: Sequence[ShapeTrial], alpha: float
+) -> list[ShapeTrial]:
     """Order the contenders among `trials` by how far a joint fit with each lowers the residual; gains follow suit.
 
     The best contender gets the largest linearised gain among them, the others their share of it. As logarithms of the
     ratio of squares are compared, equation by equation, what removes nearly everything beats what removes most.
+    Nothing is fitted where all may be chance at the false-alarm rate `alpha`, and none is large.
     """
+    if not any(item.trial.single_p * item.tests <= alpha or item.trial.share >= LARGE_SHARE for item in trials):
+        return list(trials)
     most = max((item.trial.gain for item in trials), default=0.0)
     close = [item for item in trials if item.trial.gain >= CONTENDS * most][:MOST]
     if len(close) < 2:

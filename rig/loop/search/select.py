@@ -125,7 +125,7 @@ def select(
         present = {term.effect.id for term in current.model.shapes}
         present |= set(QUOTIENT) if present & set(QUOTIENT) else set()
         shapes = [item for item in shapes if item.term.effect.id not in present]
-        shapes = by_joint_fit(pieces, ground, shapes)
+        shapes = by_joint_fit(pieces, ground, shapes, alpha)
         accepted = _round(pieces, ground, lines, shapes, alpha, decisions, unadded)
         if accepted is None:
             break

@@ -237,7 +237,8 @@ def _best_curve(
     sparse = prepare(_with(few, current, current.model))
     trials = curve_trials(sparse, known)
     taken = {term.effect.id for term in current.model.shapes}
-    for candidate in by_joint_fit(few, sparse, [item for item in trials if item.term.effect.id not in taken])[:2]:
+    fresh = [item for item in trials if item.term.effect.id not in taken]
+    for candidate in by_joint_fit(few, sparse, fresh, alpha)[:2]:
         trial, term = candidate.trial, candidate.term
         p_value = min(1.0, trial.single_p * candidate.tests)
         large = trial.share >= LARGE_SHARE
@@ -279,7 +280,7 @@ def _better_curve(
     ]
     if not trials:
         return None
-    ranked = by_joint_fit(few, without, [trials[0], ShapeTrial(term, own, 1.0)])
+    ranked = by_joint_fit(few, without, [trials[0], ShapeTrial(term, own, 1.0)], alpha)
     gains = {item.term is term: item.trial.gain for item in ranked}
     if gains[False] * BEST_SHARE <= gains[True]:
         return None

@@ -1,4 +1,4 @@
-"""The play operator as the fit needs it: output, where it slips, and from when its start no longer matters."""
+"""The play operator as the fit needs it: output, where it slips, and where its unknown start no longer matters."""
 
 from dataclasses import dataclass
 
@@ -21,19 +21,37 @@ AT_THE_WALL = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class PlayPath:
-    """Output of a play of +-`radius`, shape (n,), one value for every `fine` inputs.
+    """A play of +-`radius` (n * fine,) followed through its `inputs` (n * fine,): `output` (n,) and where it slipped.
 
     `slip`: index of the last sample at which the play slipped, -1 before the first; an output follows a change of
     its input only through that sample. `side`: +1 where it slipped with a rising input, -1 with a falling one, 0
-    before the first. `settled`: the output no longer depends on the unknown start. `sliding`: it follows its input
-    and has done so for a while.
+    before the first.
     """
 
+    inputs: Floats
+    radius: Floats
+    fine: int
     output: Floats
     slip: NDArray[np.intp]
     side: Floats
-    settled: NDArray[np.bool_]
-    sliding: NDArray[np.bool_]
+
+    @property
+    def settled(self) -> NDArray[np.bool_]:
+        """Whether the output no longer depends on the unknown start, (n,)."""
+        first, reach = float(self.inputs[0]), float(self.radius[0])
+        ends = [play(self.inputs, self.radius, start=first + side * reach) for side in (1.0, -1.0)]
+        return self._joined(ends[0] - ends[1] <= AT_THE_WALL * self.radius)
+
+    @property
+    def sliding(self) -> NDArray[np.bool_]:
+        """Whether the output follows its input and has done so for a while, (n,)."""
+        output = play(self.inputs, self.radius)
+        at_the_wall = np.abs(self.inputs - output) >= NEAR_THE_WALL * self.radius
+        stuck = np.maximum.accumulate(np.where(at_the_wall, 0, np.arange(output.size)))
+        return self._joined(at_the_wall & (np.abs(output - output[stuck]) >= SLIDING_TRAVEL * self.radius))
+
+    def _joined(self, flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        return np.asarray(flags.reshape(-1, self.fine).all(axis=1))
 
 
 def play_path(inputs: Floats, radius: Floats | float, fine: int = 1) -> PlayPath:
@@ -44,32 +62,17 @@ def play_path(inputs: Floats, radius: Floats | float, fine: int = 1) -> PlayPath
     """
     radius = np.broadcast_to(np.asarray(radius, dtype=float), inputs.shape)
     output = play(inputs, radius)
-    first, reach = float(inputs[0]), float(radius[0])
-    spread = play(inputs, radius, start=first + reach) - play(inputs, radius, start=first - reach)
     away = inputs - output
     slips = np.abs(away) >= radius * (1.0 - AT_THE_WALL)
     slip = np.maximum.accumulate(np.where(slips, np.arange(inputs.size), -1))
     side = np.where(slip >= 0, np.sign(away[np.maximum(slip, 0)]), 0.0)
-    settled, sliding = spread <= AT_THE_WALL * radius, _sliding(away, output, radius)
-    if fine == 1:
-        return PlayPath(output, slip, side, settled, sliding)
-    groups = (-1, fine)
-    return PlayPath(
-        output.reshape(groups).mean(axis=1),
-        slip[fine - 1 :: fine] // fine,  # -1 stays -1
-        side.reshape(groups).mean(axis=1),
-        np.asarray(settled.reshape(groups).all(axis=1)),
-        np.asarray(sliding.reshape(groups).all(axis=1)),
-    )
+    if fine > 1:
+        output, side = output.reshape(-1, fine).mean(axis=1), side.reshape(-1, fine).mean(axis=1)
+        slip = slip[fine - 1 :: fine] // fine  # -1 stays -1
+    return PlayPath(inputs, radius, fine, output, slip, side)
 
 
 def play_output(inputs: Floats, radius: Floats | float, fine: int = 1) -> Floats:
     """Give the output of `play_path` alone, shape (n,)."""
     output = play(inputs, radius)
     return output if fine == 1 else np.asarray(output.reshape(-1, fine).mean(axis=1))
-
-
-def _sliding(away: Floats, output: Floats, radius: Floats) -> NDArray[np.bool_]:
-    at_the_wall = np.abs(away) >= NEAR_THE_WALL * radius
-    stuck = np.maximum.accumulate(np.where(at_the_wall, 0, np.arange(output.size)))
-    return at_the_wall & (np.abs(output - output[stuck]) >= SLIDING_TRAVEL * radius)
