@@ -55,7 +55,6 @@ CHALLENGE := runs/challenge
 challenge: $(STAMP) ## blind test: hidden effects, naming, errors, intervals (an hour; SMALL=1, SCALE=n, DEV=1 for other seeds)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.challenge --workers 2 -o $(CHALLENGE) \
 		$(if $(SMALL),--small) $(if $(SCALE),--scale $(SCALE)) $(if $(DEV),--dev)
-	$(BIN)/python -m tests.challenge.speed
 
 clean:           ## remove the virtual environment and caches
 	rm -rf tests/foreign/node_modules $(VENV) .pytest_cache .mypy_cache .ruff_cache build *.egg-info

@@ -217,13 +217,18 @@ def loop(
     held_out: Annotated[list[str] | None, typer.Option("--held-out", metavar="GLOB", help="Runs to hold out.")] = None,
     alpha: Annotated[float, typer.Option(min=1e-6, max=0.5, help="False-alarm probability.")] = 0.01,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the split and of the resampling.")] = 0,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers do the work; needs the extra `cluster`."),
+    ] = None,
     out: Out = Path("runs/loop"),
     as_json: Json = False,
 ) -> None:
     """Fit the model, find the residual, trace it to what the model lacks, report the error before and after."""
     from rig.commands.loop import LoopCommand, loop_command
 
-    loop_command(tuple(logs), LoopCommand(dut, base, compliance, tuple(held_out or ()), alpha, seed, out, as_json))
+    patterns = tuple(held_out or ())
+    loop_command(tuple(logs), LoopCommand(dut, base, compliance, patterns, alpha, seed, scheduler, out, as_json))
 
 
 @app.command()

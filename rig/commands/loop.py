@@ -38,6 +38,7 @@ class LoopCommand:
     held_out: tuple[str, ...]
     alpha: float
     seed: int
+    scheduler: str | None
     out: Path
     as_json: bool
 
@@ -76,7 +77,8 @@ def _traced(
     runs = load_runs(paths)
     base = load_model(options.base) if options.base is not None else None
     dut = load_dut(options.dut)[0] if options.dut is not None else base.dut if base is not None else dut_of(runs)
-    return trace(runs, dut, LoopOptions(options.held_out, options.alpha, options.seed, base, law), on_stage=stage)
+    how = LoopOptions(options.held_out, options.alpha, options.seed, base, law, options.scheduler)
+    return trace(runs, dut, how, on_stage=stage)
 
 
 def _law(name: str | None) -> Compliance | None:

@@ -26,7 +26,8 @@ HELD_OUT_SHARE = 0.25
 class LoopOptions:
     """`held_out`: patterns of file names; `alpha`: false-alarm probability; `base`: model to start from.
 
-    `compliance`: law of the flexspline; None: that of `base`, or the arctan.
+    `compliance`: law of the flexspline; None: that of `base`, or the arctan. `scheduler`: address of a Dask scheduler
+    on whose workers the runs are worked on; None: this machine.
     """
 
     held_out: tuple[str, ...] = ()
@@ -34,6 +35,7 @@ class LoopOptions:
     seed: int = 0
     base: Model | None = None
     compliance: Compliance | None = None
+    scheduler: str | None = None
 
     @property
     def law(self) -> Compliance:

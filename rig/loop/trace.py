@@ -4,7 +4,7 @@ Training runs alone decide what is added, named, or withdrawn. Held-out runs are
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,8 +18,9 @@ from rig.loop.campaign import Campaign, LoopOptions, split_runs
 from rig.loop.experiment.next import with_next_experiments
 from rig.loop.files.model_file import Model as ModelFile
 from rig.loop.files.views_file import Views
-from rig.loop.fitting.fit import BLOCK, Fit, fit, fit_stably, reweighted
+from rig.loop.fitting.fit import BLOCK, Fit, Material, fit, fit_stably, material, reweighted
 from rig.loop.fitting.intervals import hidden_share
+from rig.loop.fitting.normal import about
 from rig.loop.fitting.starts import FACTOR, scaled_to_data
 from rig.loop.model.curves import curve_of
 from rig.loop.model.equations import FEWEST_SAMPLES, Equation, Law, Piece, distinct_readings, pieces_of
@@ -40,6 +41,8 @@ from rig.loop.statements.metrics import Floor, Residual, errors, floor_of, poole
 from rig.loop.statements.open_statements import open_statements
 from rig.loop.statements.report_steps import model_of, steps_of
 from rig.loop.statements.views import Added, Pair, facts_of, views_of
+from rig.loop.workers.held import Held
+from rig.loop.workers.hold import hold
 from rig.provenance import software_version
 from sim_backend.model.compliance import LAWS, Compliance
 
@@ -74,20 +77,37 @@ def trace(
     """Trace what the base model lacks on a campaign of runs; `on_stage` is told what is being done.
 
     Raises DataError where nothing can be held out or fitted, where a signal is physically impossible, where the device
-    file contradicts the data, or where the error after falls below the floor (a leak).
+    file contradicts the data, or where the error after falls below the floor (a leak); ConfigError where the scheduler
+    of the options is of no use.
     """
     clock = clock or RealClock()
     started = clock.now()
     campaign = split_runs(runs, options)
     check_magnitudes(runs)
-    train = [make_track(run, dut) for run in campaign.train]
-    held_out = [make_track(run, dut) for run in campaign.held_out]
+    both = (*campaign.train, *campaign.held_out)
+    with hold(both, [run.time.size for run in both], options.scheduler) as held:
+        result = _traced(held, campaign, runs, dut, options, on_stage)
+    return replace(result, elapsed=clock.now() - started)
+
+
+def _traced(
+    held: Held[Run],
+    campaign: Campaign,
+    runs: Sequence[Run],
+    dut: Dut,
+    options: LoopOptions,
+    on_stage: Callable[[str], None],
+) -> LoopResult:
+    """Trace the runs that are held, those of the campaign in its order."""
+    tracks = held.keep(make_track, dut)
+    known_tracks = tracks.gather()
+    train = known_tracks[: len(campaign.train)]
     ratio = check_gear(train, dut)
-    check_signs([*train, *held_out], ratio)
+    check_signs(known_tracks, ratio)
     start = scaled_to_data(start_model(dut, ratio, options.law, options.base), train)
-    thinned = [distinct_readings(piece) for track in train for piece in pieces_of(thin_track(track), ratio)]
-    pieces = settled_pieces(thinned, start)
-    if not pieces:
+    names = frozenset(track.name for track in train)
+    pieces = tracks.spread(_pieces_to_fit, names, ratio, start)
+    if not pieces.map(about):
         raise DataError(
             ", ".join(track.name for track in train[:4]),
             "no equation can be formed from the training runs",
@@ -100,9 +120,10 @@ def trace(
     on_stage(f"looking at the {len(campaign.held_out)} held-out runs")
     fastest = min(fastest, _known_speed(pieces, selection))
     final = selection.fit
+    pairs = tracks.spread(_before_and_after, ratio, fastest, base.model, final.model).gather()
     sides = {
-        side: _residuals(_up_to([p for t in tracks for p in pieces_of(t, ratio)], fastest), base.model, final.model)
-        for side, tracks in (("train", train), ("held_out", held_out))
+        "train": [pair for pair in pairs if pair.after.piece.track.name in names],
+        "held_out": [pair for pair in pairs if pair.after.piece.track.name not in names],
     }
     equations = _equations(sides, dut, final.model)
     _refuse_leaks(equations, campaign.held_out)
@@ -120,7 +141,7 @@ def trace(
         *campaign.warnings,
         *_far_from_prior(final, still_open),
         *_doubts(final),
-        *_remarks([*train, *held_out], runs, dut, final.model),
+        *_remarks(known_tracks, runs, dut, final.model),
         *_unadded(selection),
     )
     if math.isfinite(fastest):
@@ -133,7 +154,7 @@ def trace(
         steps=steps,
         open=still_open,
         warnings=warnings,
-        elapsed=clock.now() - started,
+        elapsed=0.0,
         model=model_of(final, steps, entries, dut, software_version()),
         views=_views(sides, selection, steps, campaign, dut),
     )
@@ -202,16 +223,24 @@ def shapes_of(model: ModelFile, dut: Dut) -> tuple[ShapeTerm, ...]:
     return tuple(found)
 
 
-def fit_base(pieces: Sequence[Piece], start: Model) -> Fit:
+def fit_base(pieces: Held[Piece], start: Model) -> Fit:
     """Fit the base model, with the weights that its own residual calls for."""
-    seconds = {piece.track.name: float(np.ptp(piece.track.time)) for piece in pieces}
+    return _fit_base(material(pieces), start)
+
+
+def _fit_base(pieces: Material, start: Model) -> Fit:
+    seconds = dict(pieces.all.map(_duration))
     block = min(BLOCK, max(SHORTEST_BLOCK, sum(seconds.values()) / MANY_BLOCKS))
-    rough = reweighted(fit(pieces, start, {}, passes=0, block=block))
+    rough = reweighted(fit(pieces.all, start, {}, passes=0, block=block))
     return fit_stably(pieces, start, rough.noise, rough.block)
 
 
+def _duration(piece: Piece) -> tuple[str, float]:
+    return piece.track.name, float(np.ptp(piece.track.time))
+
+
 def _selected(
-    pieces: Sequence[Piece],
+    pieces: Held[Piece],
     start: Model,
     alpha: float,
     known: Mapping[str, float],
@@ -222,21 +251,22 @@ def _selected(
     A torque line that shows at slow legs and not at fast ones is one that the drive does not follow there: it stands
     in the speed, not in the torque. The torque of the fastest legs is then left out, as far as it takes.
     """
-    base = fit_base(pieces, start)
-    first = select(pieces, base, alpha, known, on_stage)
+    every = material(pieces)
+    base = _fit_base(every, start)
+    first = select(every, base, alpha, known, on_stage)
     found, fastest = (base, first), math.inf
-    speeds = sorted({abs(float(v)) for p in pieces if _runs_free(p) for v in np.unique(p.track.speed[p.index])})
+    speeds = sorted({speed for some in pieces.map(_free_speeds) for speed in some})
     slower = [v for v in speeds if v < speeds[-1] / SAME_SPEED]
     while slower and any(_not_followed(item) for item in found[1].unadded):
         limit = SAME_SPEED * slower.pop()
         slower = [v for v in slower if v < limit / SAME_SPEED**2]
-        fewer = _up_to(pieces, limit)
+        fewer = material(pieces.spread(_up_to, limit))
         on_stage(f"once more without the torque of legs faster than {limit:.4g} rad/s")
-        base = fit_base(fewer, start)
+        base = _fit_base(fewer, start)
         found = (base, select(fewer, base, alpha, known, on_stage))
         if len(found[1].decisions) > len(first.decisions):
             return found[0], found[1], limit
-    return (found[0], found[1], fastest) if found[1] is first else (fit_base(pieces, start), first, fastest)
+    return (found[0], found[1], fastest) if found[1] is first else (_fit_base(every, start), first, fastest)
 
 
 def _not_followed(item: Unadded) -> bool:
@@ -244,30 +274,39 @@ def _not_followed(item: Unadded) -> bool:
     return item.why == NOT_EVERYWHERE and item.order is not None and not item.kind.is_angle
 
 
-def _known_speed(pieces: Sequence[Piece], selection: Selection) -> float:
+def _known_speed(pieces: Held[Piece], selection: Selection) -> float:
     """Give the leg speed up to which a torque line may be predicted, rad/s: not far beyond those it was fitted on."""
     lines = [line for line in selection.fit.model.lines if line.kind.variable == "motor_position"]
-    speeds = [float(np.abs(p.track.speed[p.index]).max()) for p in pieces if _runs_free(p)]
+    speeds = [speed for some in pieces.map(_free_speeds) for speed in some]
     if not speeds or all(line.kind.entry.is_angle for line in lines):
         return math.inf
     return KNOWN_SPEED * max(speeds)
+
+
+def _free_speeds(piece: Piece) -> list[float]:
+    """Give the speeds of the legs of a torque in a free run, rad/s; none of any other piece."""
+    return np.unique(np.abs(piece.track.speed[piece.index])).tolist() if _runs_free(piece) else []
 
 
 def _runs_free(piece: Piece) -> bool:
     return piece.law is Law.FREE_RUN and piece.equation is not Equation.TORSION
 
 
-def _up_to(pieces: Sequence[Piece], fastest: float) -> list[Piece]:
-    """Leave out the torque of legs faster than `fastest` (rad/s at the motor)."""
-    kept = []
-    for piece in pieces:
-        if not _runs_free(piece) or not math.isfinite(fastest):
-            kept.append(piece)
-            continue
-        slow = np.abs(piece.track.speed[piece.index]) <= fastest
-        if slow.sum() >= FEWEST_SAMPLES:
-            kept.append(replace(piece, index=piece.index[slow], target=piece.target[slow]))
-    return kept
+def _up_to(piece: Piece, fastest: float) -> list[Piece]:
+    """Leave out the torque of legs faster than `fastest` (rad/s at the motor); none where too few samples are left."""
+    if not _runs_free(piece) or not math.isfinite(fastest):
+        return [piece]
+    slow = np.abs(piece.track.speed[piece.index]) <= fastest
+    if slow.sum() < FEWEST_SAMPLES:
+        return []
+    return [replace(piece, index=piece.index[slow], target=piece.target[slow])]
+
+
+def _pieces_to_fit(track: Track, training: Collection[str], ratio: float | None, start: Model) -> list[Piece]:
+    """Give the thinned pieces of a training run where the law determines them; of any other run none."""
+    if track.name not in training:
+        return []
+    return settled_pieces([distinct_readings(piece) for piece in pieces_of(thin_track(track), ratio)], start)
 
 
 def settled_pieces(pieces: Sequence[Piece], start: Model) -> list[Piece]:
@@ -286,12 +325,16 @@ class _BeforeAfter:
     after: Residual
 
 
+def _before_and_after(
+    track: Track, ratio: float | None, fastest: float, before: Model, after: Model
+) -> list[_BeforeAfter]:
+    """Give the residuals of a run without and with the effects, at the full rate of its log."""
+    pieces = [kept for piece in pieces_of(track, ratio) for kept in _up_to(piece, fastest)]
+    return [_BeforeAfter(residual_of(piece, before, after), residual_of(piece, after)) for piece in pieces]
+
+
 def _after(pairs: Sequence[_BeforeAfter]) -> list[Residual]:
     return [pair.after for pair in pairs]
-
-
-def _residuals(pieces: Sequence[Piece], before: Model, after: Model) -> list[_BeforeAfter]:
-    return [_BeforeAfter(residual_of(piece, before, after), residual_of(piece, after)) for piece in pieces]
 
 
 def _equations(sides: dict[str, list[_BeforeAfter]], dut: Dut, model: Model) -> dict[str, EquationResult]:
@@ -453,7 +496,7 @@ def _doubts(final: Fit) -> list[str]:
 
 
 def _unadded(selection: Selection) -> list[str]:
-    current = any(item.piece.equation is Equation.MOTOR_CURRENT for item in selection.fit.linear)
+    current = any(item.equation is Equation.MOTOR_CURRENT for item in selection.fit.about)
     found = []
     for item in selection.unadded:
         if item.share < LEAST_TOLD:

@@ -20,6 +20,7 @@ from rig.loop.model.prediction import Model
 from rig.loop.signals.tracks import Track, make_track, thin_track
 from rig.loop.statements.metrics import Residual, residual_of
 from rig.loop.trace import fit_base, settled_pieces, start_model
+from rig.loop.workers.held import Here
 from sim_backend.model.compliance import Compliance
 from tests.challenge.cases import LARGEST, Case, campaign_of, scaled, together
 from tests.challenge.outside import OUTSIDE
@@ -84,7 +85,7 @@ def base_oracle(runs: Sequence[Run], out: Sequence[str], dut: Dut) -> Oracle:
     tracks = [make_track(run, dut) for run in runs if run.name not in out]
     start = start_model(dut, dut.gear.ratio, Compliance.ARCTAN, None)
     thin = [distinct_readings(piece) for track in tracks for piece in pieces_of(thin_track(track), dut.gear.ratio)]
-    base = fit_base(settled_pieces(thin, start), start)
+    base = fit_base(Here(settled_pieces(thin, start)), start)
     held = [make_track(run, dut) for run in runs if run.name in out]
     return Oracle(base, _rms(_residuals(tracks, base.model)), _rms(_residuals(held, base.model)))
 
@@ -173,10 +174,10 @@ def _smooth_residuals(case: Case, oracle: Oracle, effects: Effects, outside_ampl
     tracks = [make_track(run, dut) for run in as_runs(recordings, case.without) if run.name not in out]
     thin = {track.name: thin_track(track) for track in tracks}
     pieces = []
-    for item in oracle.fit.linear:
+    for item in oracle.fit.linear.gather():
         moved = replace(item.piece, track=thin[item.piece.track.name])
         pieces.append(replace(moved, target=target_of(moved, dut.gear.ratio)[moved.index]))
-    again = fit(pieces, oracle.fit.model, oracle.fit.noise, passes=PASSES, block=oracle.fit.block)
+    again = fit(Here(pieces), oracle.fit.model, oracle.fit.noise, passes=PASSES, block=oracle.fit.block)
     return _residuals(tracks, again.model)
 
 

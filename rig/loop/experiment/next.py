@@ -25,13 +25,13 @@ from rig.loop.experiment.menu import SURVEYS, offers, planned, settings_of
 from rig.loop.experiment.rivals import Contest, absorbed, contest, other_entries, rival_of
 from rig.loop.experiment.separation import pieces_to_come
 from rig.loop.experiment.sketch import coarse_facts, distinct, sketch
-from rig.loop.fitting.fit import Fit
+from rig.loop.fitting.fit import Fit, coarse
 from rig.loop.model.equations import Equation, Piece
 from rig.loop.model.shapes import ShapeClass
 from rig.loop.model.terms import TermClass
 from rig.loop.result import NextExperiment, Open, Step, Verdict
 from rig.loop.search.decision import Decision
-from rig.loop.search.select import LEAST_START_ANGLES, QUOTIENT, SINGLE_ANGLE_SET, TWINS
+from rig.loop.search.groups import LEAST_START_ANGLES, QUOTIENT, SINGLE_ANGLE_SET, TWINS
 from sim_backend.errors import ModelError
 from sim_backend.model.effects import CATALOGUE
 
@@ -142,7 +142,7 @@ def _of_step(
         never |= {frozenset(pair) for pair in TWINS.items()}
     plans = bench.plans
     if "kinematic-error" in members and set(members) & set(SINGLE_ANGLE_SET) - {"kinematic-error"}:
-        seen = [item.piece for item in final.linear]
+        seen = final.pieces.keep(coarse).gather()
         plans = tuple(plan for plan in plans if _covers(seen, [item.piece for item in plan.coming]))
     return _told(members, found, choose(found, plans, dut, never), bench, kind)
 

@@ -20,7 +20,8 @@ from rig.loop.model.shapes import ShapeClass
 from rig.loop.model.terms import Entry, Line, TermClass, periodic_effects
 from rig.loop.search.compliance_form import FORM_ERROR, form_columns
 from rig.loop.search.shape_trials import scales_of, shape_trials
-from rig.loop.search.trial import Ground, line_gain, prepare, try_line
+from rig.loop.search.trial import Ground, gains, line_at, prepare, try_line
+from rig.loop.workers.held import Held, Here
 from sim_backend.errors import ModelError
 
 Floats = NDArray[np.float64]
@@ -105,14 +106,14 @@ def contest(
     estimates, by name.
     """
     gone = set(kinds)
-    pieces, share = _few([item.piece for item in final.linear])
+    pieces, share = _few(final)
     removed = [line for line in final.model.lines if line.kind in gone]
     model = replace(
         final.model,
         lines=tuple(line for line in final.model.lines if line.kind not in gone),
         shapes=tuple(term for term in final.model.shapes if term.kind not in gone),
     )
-    noise = noise_of(final.linear)
+    noise = noise_of(final.about, final.linear)
     without = fit(pieces, model, noise, passes=PASSES, block=final.block)
     ground = prepare(without)
     own = {kind.id for kind in gone}
@@ -154,16 +155,16 @@ def absorbed(final: Fit, group: Sequence[str], dut: Dut, known: Mapping[str, flo
     pinned = replace(table, entries=(held, *table.entries[1:]))
     values = final.model.values.copy()
     values[0] = stiffness.centre
-    noise = noise_of(final.linear)
+    noise = noise_of(final.about, final.linear)
     start = replace(final, model=replace(final.model, table=pinned, values=values), noise=noise)
     found = contest(start, (), [effect for effect in group if effect != FORM_ERROR], known)
-    free = fit(_few([item.piece for item in final.linear])[0], final.model, noise, passes=PASSES, block=final.block)
+    free = fit(_few(final)[0], final.model, noise, passes=PASSES, block=final.block)
     return replace(found, rivals=(*found.rivals, rival_of(FORM_ERROR, free)))
 
 
-def _few(pieces: Sequence[Piece]) -> tuple[list[Piece], float]:
+def _few(final: Fit) -> tuple[Held[Piece], float]:
     """Give the pieces of some of the runs, spread over the campaign, with the share of the samples that they hold."""
-    thinned = coarse(pieces)
+    thinned = final.pieces.keep(coarse).gather()
     sizes: dict[str, int] = {}
     for piece in thinned:
         sizes[piece.track.name] = sizes.get(piece.track.name, 0) + piece.track.size
@@ -172,7 +173,7 @@ def _few(pieces: Sequence[Piece]) -> tuple[list[Piece], float]:
     kept = {piece.track.procedure: piece.track.name for piece in thinned}
     chosen = {*names[::step], *kept.values()}
     few = [piece for piece in thinned if piece.track.name in chosen]
-    return few, sum(piece.index.size for piece in few) / sum(piece.index.size for piece in pieces)
+    return Here(few), sum(piece.index.size for piece in few) / sum(item.samples for item in final.about)
 
 
 def _start(effect: str, ground: Ground, removed: Sequence[Line], shapes: Mapping[str, Model]) -> Model | None:
@@ -205,7 +206,9 @@ def _lines(ground: Ground, kind: TermClass, orders: Sequence[float]) -> list[Lin
 
 def _best_order(ground: Ground, kind: TermClass) -> float:
     low, high = kind.orders
-    return max((o for o in NEW_ORDERS if low <= o <= high), key=lambda o: line_gain(ground, kind, o), default=low)
+    orders = [order for order in NEW_ORDERS if low <= order <= high]
+    found = gains(ground, [line_at(kind, order) for order in orders])
+    return max(zip(found, orders, strict=True), default=(0.0, low))[1]
 
 
 def _shapes(ground: Ground, known: Mapping[str, float], wanted: set[str]) -> dict[str, Model]:
@@ -217,7 +220,7 @@ def _shapes(ground: Ground, known: Mapping[str, float], wanted: set[str]) -> dic
     scales = scales_of(ground.fit.linear, {**known, "stiffness": model.table.entries[0].centre})
     return {
         item.term.effect.id: replace(model, shapes=(*model.shapes, item.term))
-        for item in shape_trials(ground, scales, 0.0)
+        for item in shape_trials(ground, ground, scales, 0.0)
         if item.term.effect.id in wanted
     }
 
@@ -227,7 +230,7 @@ def _other_form(without: Fit) -> Rival:
     largest = scales_of(without.linear, {}).torque
     size = without.columns.size
     A, g = np.zeros((size + 2, size + 2)), np.zeros(size + 2)
-    for item in without.linear:
+    for item in without.linear.gather():
         columns = form_columns(item, largest)
         joint = np.column_stack([item.jacobian, np.zeros((item.residual.size, 2)) if columns is None else columns])
         A += item.weight * joint.T @ joint

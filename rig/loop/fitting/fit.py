@@ -4,19 +4,39 @@ Levenberg-Marquardt on the summed normal matrices. Positive parameters are estim
 them without hard limits; the catalogue enters as a prior, in units of the information in the data.
 """
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.loop.fitting.normal import Columns, Kind, LinearPiece, Noise, Normal, linearise, noise_of, normal_of, solve
+from rig.loop.fitting.normal import (
+    About,
+    Columns,
+    Kind,
+    LinearPiece,
+    Noise,
+    Normal,
+    Part,
+    Predicted,
+    about,
+    base_names,
+    linearised,
+    noise_of,
+    normal_of,
+    numbered,
+    part_of,
+    predicted,
+    solve,
+    squares_of,
+    tried,
+    weight_of,
+    weighted,
+)
 from rig.loop.model.curves import Curve
 from rig.loop.model.equations import FEWEST_SAMPLES, Piece
-from rig.loop.model.prediction import Model, predict
+from rig.loop.model.prediction import Model
 from rig.loop.signals.tracks import pick_rows, thin_track
-from sim_backend.errors import ModelError
+from rig.loop.workers.held import Held
 
 Floats = NDArray[np.float64]
 
@@ -43,13 +63,32 @@ STABLE = 0.03
 
 
 @dataclass(frozen=True, slots=True)
+class Material:
+    """What is fitted: `all` pieces, and the same with `few` samples, enough to find the way, not the interval."""
+
+    all: Held[Piece]
+    few: Held[Piece]
+
+
+def material(pieces: Held[Piece]) -> Material:
+    """Give the pieces with their coarse versions."""
+    return Material(pieces, pieces.keep(coarse))
+
+
+@dataclass(frozen=True, slots=True)
 class Fit:
-    """A fitted model with everything linearised about it. `converged` is False if the last step still mattered."""
+    """A fitted model with everything linearised about it. `converged` is False if the last step still mattered.
+
+    `about`, `parts` and `blocks` (numbers of its blocks of time in the campaign) are those of every piece in `linear`.
+    """
 
     model: Model
     columns: Columns
     noise: dict[Kind, Noise]
-    linear: tuple[LinearPiece, ...]
+    about: tuple[About, ...]
+    linear: Held[LinearPiece]
+    parts: tuple[Part, ...]
+    blocks: tuple[NDArray[np.intp], ...]
     normal: Normal
     prior: Floats
     pull: Floats
@@ -61,14 +100,30 @@ class Fit:
         """Weighted sum of squares of the residual."""
         return float(self.normal.squares.sum())
 
+    @property
+    def block_count(self) -> int:
+        """Number of blocks of time."""
+        return 1 + max((int(numbers.max()) for numbers in self.blocks), default=0)
 
-def fit(
-    pieces: Sequence[Piece], model: Model, noise: dict[Kind, Noise], *, passes: int = 30, block: float = BLOCK
-) -> Fit:
-    """Fit base and lines together from the model's values. `noise` weighs the kinds; empty: all alike."""
-    columns = _columns(pieces, model)
+    @property
+    def pieces(self) -> Held[Piece]:
+        """The pieces that were fitted."""
+        return self.linear.keep(_piece_of)
+
+
+def _piece_of(item: LinearPiece) -> Piece:
+    return item.piece
+
+
+def fit(pieces: Held[Piece], model: Model, noise: dict[Kind, Noise], *, passes: int = 30, block: float = BLOCK) -> Fit:
+    """Fit base and lines together from the model's values. `noise` weighs the kinds; empty: all alike.
+
+    Raises ModelError where no drive is like the model.
+    """
+    first, known = pieces.keep(predicted, model), tuple(pieces.map(about))
+    columns = _columns(first, model)
     damping = 1e-3
-    current = _state(pieces, model, columns, noise, block)
+    current = _state(known, first.keep(linearised, model, columns, noise, block), model, columns, noise, block)
     converged = False
     for _ in range(passes):
         A = current.normal.A.sum(axis=0) + np.diag(current.prior)
@@ -78,7 +133,8 @@ def fit(
         for _ in range(6):
             step = solve(A + damping * np.diag(np.diag(A)), g)
             trial = _moved(current.model, columns, step)
-            trial_cost = _quick_cost(pieces, trial, current)
+            attempt = pieces.keep(tried, trial)
+            trial_cost = _cost_of(attempt, trial, current)
             if trial_cost <= cost:
                 improved = True
                 damping = max(damping * 0.1, 1e-9)
@@ -87,29 +143,27 @@ def fit(
         if not improved:
             converged = True
             break
-        current = _state(pieces, trial, columns, noise, block)
+        linear = attempt.keep(linearised, trial, columns, noise, block)
+        current = _state(known, linear, trial, columns, noise, block)
         if cost - trial_cost <= CONVERGED:
             converged = True
             break
     return replace(current, converged=converged)
 
 
-def coarse(pieces: Sequence[Piece]) -> list[Piece]:
-    """Give the pieces with about `COARSE` samples of every turning run and one a `COARSE_PERIOD` of the others.
+def coarse(piece: Piece) -> Piece:
+    """Give the piece with about `COARSE` samples of a turning run, one a `COARSE_PERIOD` of any other.
 
-    That is enough to find the way, not the interval. The samples stay even in time, for what remembers.
+    The samples stay even in time, for what remembers.
     """
-    found = []
-    for piece in pieces:
-        step = -(-piece.index.size // COARSE)
-        if not piece.track.moves:
-            piece = _averaged(piece)
-        elif step > 1:
-            rows = np.arange(0, piece.track.size, step)
-            _, kept, at = np.intersect1d(rows, piece.index, assume_unique=True, return_indices=True)
-            piece = replace(piece, track=pick_rows(piece.track, rows), index=kept, target=piece.target[at])
-        found.append(piece)
-    return found
+    if not piece.track.moves:
+        return _averaged(piece)
+    step = -(-piece.index.size // COARSE)
+    if step == 1:
+        return piece
+    rows = np.arange(0, piece.track.size, step)
+    _, kept, at = np.intersect1d(rows, piece.index, assume_unique=True, return_indices=True)
+    return replace(piece, track=pick_rows(piece.track, rows), index=kept, target=piece.target[at])
 
 
 def _averaged(piece: Piece) -> Piece:
@@ -124,63 +178,67 @@ def _averaged(piece: Piece) -> Piece:
     return replace(piece, track=track, index=kept, target=sums / counts)
 
 
-def fit_stably(pieces: Sequence[Piece], model: Model, noise: dict[Kind, Noise], block: float) -> Fit:
+def fit_stably(pieces: Material, model: Model, noise: dict[Kind, Noise], block: float) -> Fit:
     """Fit until the weights that follow from the residual no longer change.
 
     Starts from the model's own base values and from the catalogue's, coarsely, and goes on with the better one.
     """
-    few = coarse(pieces)
     starts = (model, replace(model, values=model.table.start()))
-    best = min((fit(few, start, noise, block=block) for start in starts), key=_cost)
-    state = reweighted(fit(pieces, best.model, noise, passes=POLISH, block=block))
+    best = min((fit(pieces.few, start, noise, block=block) for start in starts), key=_cost)
+    state = reweighted(fit(pieces.all, best.model, noise, passes=POLISH, block=block))
     for _ in range(REWEIGHTINGS):
         before = state.noise
-        rough = fit(few, state.model, before, block=state.block)
-        state = reweighted(fit(pieces, rough.model, before, passes=POLISH, block=state.block))
+        rough = fit(pieces.few, state.model, before, block=state.block)
+        state = reweighted(fit(pieces.all, rough.model, before, passes=POLISH, block=state.block))
         if all(abs(np.log(state.noise[kind].sigma / before[kind].sigma)) < STABLE for kind in before):
             break
     return state
 
 
-def refit(pieces: Sequence[Piece], like: Fit, model: Model) -> Fit:
+def refit(pieces: Material, like: Fit, model: Model) -> Fit:
     """Fit the model with weights that follow from its own residual."""
     return fit_stably(pieces, model, like.noise, like.block)
 
 
 def reweighted(state: Fit) -> Fit:
     """Give the same fit with the weights and blocks that its own residual calls for."""
-    noise = noise_of(state.linear)
-    return with_noise(state, noise)
+    return with_noise(state, noise_of(state.about, state.linear))
 
 
 def with_noise(state: Fit, noise: dict[Kind, Noise]) -> Fit:
     """Give the same fit with other weights and the blocks that go with them."""
-    pieces = [item.piece for item in state.linear]
-    return _state(pieces, state.model, state.columns, noise, state.block)
+    linear = state.linear.keep(weighted, noise, state.block)
+    return _state(state.about, linear, state.model, state.columns, noise, state.block)
 
 
-def _columns(pieces: Sequence[Piece], model: Model) -> Columns:
-    used: set[str] = set()
-    for piece in pieces:
-        used |= predict(piece, model).base.keys()
+def _columns(first: Held[Predicted], model: Model) -> Columns:
+    used = {name for names in first.map(base_names) for name in names}
     names = tuple(name for name in model.table.names if name in used)
     free_order = tuple(line.kind.fixed_order is None for line in model.lines)
     return Columns(names, free_order, tuple(len(term.free) for term in model.shapes))
 
 
-def _state(pieces: Sequence[Piece], model: Model, columns: Columns, noise: dict[Kind, Noise], block: float) -> Fit:
-    linear = linearise(pieces, model, columns, noise, block)
+def _state(
+    known: tuple[About, ...],
+    linear: Held[LinearPiece],
+    model: Model,
+    columns: Columns,
+    noise: dict[Kind, Noise],
+    block: float,
+) -> Fit:
+    parts = tuple(linear.map(part_of))
     prior, pull = np.zeros(columns.size), np.zeros(columns.size)
     if noise:
         rows = [model.table.names.index(name) for name in columns.base]
         prior[: len(rows)] = model.table.prior_weight()[rows]
         pull[: len(rows)] = -prior[: len(rows)] * _deviation(model)[rows]
-    normal = normal_of(linear)
+    normal = normal_of(known, parts)
     for number, values in _curves(model):
         place = columns.of_shape(number)
         prior[place] = RIDGE * np.diag(normal.A.sum(axis=0))[place]
         pull[place] = -prior[place] * values
-    return Fit(model, columns, noise, tuple(linear), normal, prior, pull, block, False)
+    blocks = numbered(known, parts)
+    return Fit(model, columns, noise, known, linear, parts, blocks, normal, prior, pull, block, False)
 
 
 def _curves(model: Model) -> list[tuple[int, Floats]]:
@@ -210,17 +268,10 @@ def _cost(state: Fit) -> float:
     return state.squares + _prior_cost(state.model, state)
 
 
-def _quick_cost(pieces: Sequence[Piece], model: Model, like: Fit) -> float:
-    """Cost of a trial model without its Jacobian; infinite where no drive is like it (T1 above T2)."""
-    total = 0.0
-    for piece, item in zip(pieces, like.linear, strict=True):
-        try:
-            residual = piece.target - predict(piece, model).value[piece.index]
-        except ModelError:
-            return math.inf
-        if piece.demeaned:
-            residual = residual - residual.mean()
-        total += item.weight * float(residual @ residual)
+def _cost_of(attempt: Held[Predicted | None], model: Model, like: Fit) -> float:
+    """Cost of a trial model without its Jacobian; infinite where no drive is like it."""
+    squares = attempt.map(squares_of)
+    total = sum(weight_of(item.kind, like.noise) * one for item, one in zip(like.about, squares, strict=True))
     return total + _prior_cost(model, like)
 
 

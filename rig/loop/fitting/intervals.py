@@ -8,7 +8,7 @@ blocks tell widens the rest.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,10 @@ from scipy.stats import chi2
 from scipy.stats import t as student
 
 from rig.loop.fitting.fit import Fit
-from rig.loop.fitting.normal import solve
-from rig.loop.model.equations import Law, Piece
+from rig.loop.fitting.normal import Columns, LinearPiece, block_scores, solve
+from rig.loop.model.equations import Law
+from rig.loop.model.prediction import Model
+from rig.loop.model.terms import Line
 from rig.loop.signals.ripple import RESOLVED
 
 Floats = NDArray[np.float64]
@@ -29,12 +31,11 @@ INFORMS = 0.05
 def covariance(state: Fit) -> Floats:
     """Sandwich covariance (p, p) of the estimates: blocks of time are independent, samples inside need not be."""
     A = state.normal.A.sum(axis=0) + np.diag(state.prior)
-    count = 1 + max((int(item.blocks.max()) for item in state.linear), default=0)
+    count = state.block_count
     scores = np.zeros((count, A.shape[0]))
     inverse = solve(A, np.eye(A.shape[0]))
-    for item in state.linear:
-        moments = item.jacobian * item.residual[:, None] * item.weight
-        np.add.at(scores, item.blocks, item.block_sums(moments))
+    for numbers, sums in zip(state.blocks, state.linear.map(block_scores), strict=True):
+        np.add.at(scores, numbers, sums)
     middle = scores.T @ scores
     freedom = max(count - A.shape[0], 1)
     # the catalogue's scatter is part of what is not known
@@ -51,23 +52,26 @@ def _unsure_ripple(state: Fit) -> Floats:
     cent, and is wrong in the same way throughout a leg, so that no block of time tells.
     """
     size = state.columns.size
-    found = np.zeros((size, size))
-    inertia = abs(state.model.value("J_r"))
-    for item in state.linear:
-        track, rows = item.piece.track, item.piece.index
-        if item.piece.law is not Law.FREE_RUN or track.ripple is None or "J_r" not in item.evaluation.base:
+    return sum(state.linear.map(_unsure_ripple_of, state.model, state.columns), np.zeros((size, size)))
+
+
+def _unsure_ripple_of(item: LinearPiece, model: Model, columns: Columns) -> Floats:
+    found = np.zeros((columns.size, columns.size))
+    inertia = abs(model.value("J_r"))
+    track, rows = item.piece.track, item.piece.index
+    if item.piece.law is not Law.FREE_RUN or track.ripple is None or "J_r" not in item.evaluation.base:
+        return found
+    for number, line in enumerate(model.lines):
+        if line.kind.variable != "motor_position" or line.kind.entry.is_angle:
             continue
-        for number, line in enumerate(state.model.lines):
-            if line.kind.variable != "motor_position" or line.kind.entry.is_angle:
+        pair = item.jacobian[:, columns.of_line(number)][:, :2]
+        for speed in np.unique(track.speed[rows]):
+            leg = track.speed[rows] == speed
+            if not np.any(track.ripple.position[rows][leg]):
                 continue
-            pair = item.jacobian[:, state.columns.of_line(number)][:, :2]
-            for speed in np.unique(track.speed[rows]):
-                leg = track.speed[rows] == speed
-                if not np.any(track.ripple.position[rows][leg]):
-                    continue
-                error = inertia * (line.order * speed) ** 2 * float(track.ripple.noise[rows][leg].max())
-                scores = item.weight * error * item.jacobian[leg].T @ pair[leg]
-                found += scores @ scores.T
+            error = inertia * (line.order * speed) ** 2 * float(track.ripple.noise[rows][leg].max())
+            scores = item.weight * error * item.jacobian[leg].T @ pair[leg]
+            found += scores @ scores.T
     return found
 
 
@@ -81,17 +85,23 @@ def hidden_share(state: Fit, number: int) -> float:
     if line.kind.variable != "motor_position" or line.kind.entry.is_angle:
         return 0.0
     inertia = abs(state.model.value("J_r"))
+    taken = [
+        inertia * (line.order * speed) ** 2 * noise for legs in state.linear.map(_ripples) for speed, noise in legs
+    ]
+    return min(taken, default=0.0) / max(line.amplitude, 1e-300)
+
+
+def _ripples(item: LinearPiece) -> list[tuple[float, float]]:
+    """Give speed (rad/s) and unseen ripple (rad) of every leg of a free run."""
+    track, rows = item.piece.track, item.piece.index
+    if item.piece.law is not Law.FREE_RUN or track.ripple is None:
+        return []
     found = []
-    for item in state.linear:
-        track, rows = item.piece.track, item.piece.index
-        if item.piece.law is not Law.FREE_RUN or track.ripple is None:
-            continue
-        for speed in np.unique(track.speed[rows]):
-            leg = track.speed[rows] == speed
-            noise = float(track.ripple.noise[rows][leg].max())
-            resolved = bool(np.any(track.ripple.position[rows][leg]))
-            found.append(inertia * (line.order * speed) ** 2 * noise * (1.0 if resolved else RESOLVED))
-    return min(found, default=0.0) / max(line.amplitude, 1e-300)
+    for speed in np.unique(track.speed[rows]):
+        leg = track.speed[rows] == speed
+        resolved = bool(np.any(track.ripple.position[rows][leg]))
+        found.append((float(speed), float(track.ripple.noise[rows][leg].max()) * (1.0 if resolved else RESOLVED)))
+    return found
 
 
 def _unsure_zeros(state: Fit) -> Floats:
@@ -123,20 +133,23 @@ def _turned(state: Fit, variable: str) -> Iterator[tuple[float, float, Floats]]:
 
     Its information (1/rad^2), its pull on the residual (1/rad), and the scores (p,) that it would add.
     """
-    lines = [(n, line) for n, line in enumerate(state.model.lines) if line.kind.variable == variable]
+    lines = tuple((n, line) for n, line in enumerate(state.model.lines) if line.kind.variable == variable)
+    found = state.linear.map(_turned_piece, lines, state.columns)
     for name in state.normal.runs:
-        information, pull, scores = 0.0, 0.0, np.zeros(state.columns.size)
-        for item in state.linear:
-            if item.piece.track.name != name:
-                continue
-            turn = np.zeros(item.residual.size)
-            for number, line in lines:
-                pair = item.jacobian[:, state.columns.of_line(number)]
-                turn += line.order * (line.sine * pair[:, 1] - line.cosine * pair[:, 0])
-            information += item.weight * float(turn @ turn)
-            pull += item.weight * float(turn @ item.residual)
-            scores += item.weight * item.jacobian.T @ turn
-        yield information, pull, scores
+        mine = [one for known, one in zip(state.about, found, strict=True) if known.run == name]
+        scores = sum((scores for _, _, scores in mine), np.zeros(state.columns.size))
+        yield sum(information for information, _, _ in mine), sum(pull for _, pull, _ in mine), scores
+
+
+def _turned_piece(
+    item: LinearPiece, lines: Sequence[tuple[int, Line]], columns: Columns
+) -> tuple[float, float, Floats]:
+    turn = np.zeros(item.residual.size)
+    for number, line in lines:
+        pair = item.jacobian[:, columns.of_line(number)]
+        turn += line.order * (line.sine * pair[:, 1] - line.cosine * pair[:, 0])
+    weighted = item.weight * turn
+    return float(weighted @ turn), float(weighted @ item.residual), weighted @ item.jacobian
 
 
 def _between_conditions(state: Fit, inverse: Floats, variance: Floats) -> Floats:
@@ -145,13 +158,13 @@ def _between_conditions(state: Fit, inverse: Floats, variance: Floats) -> Floats
     What the model lacks is often the same within a run and its replicates and another at the next speed or angle:
     blocks then count one error many times. A factor is applied only where the excess is significant at 5 %.
     """
-    conditions = sorted({_condition(item.piece) for item in state.linear})
+    conditions = sorted({item.condition for item in state.about})
     scores = np.zeros((len(conditions), variance.size))
     informed = np.zeros((len(conditions), variance.size))
-    for item in state.linear:
-        row = conditions.index(_condition(item.piece))
-        scores[row] += item.weight * (item.residual @ item.jacobian)
-        informed[row] += item.weight * (item.jacobian**2).sum(axis=0)
+    for item, part in zip(state.about, state.parts, strict=True):
+        row = conditions.index(item.condition)
+        scores[row] += part.g
+        informed[row] += np.diag(part.A)
     between = ((scores @ inverse) ** 2).sum(axis=0)
     counts = (informed > INFORMS * informed.max(axis=0)).sum(axis=0)
     factors = np.ones(variance.size)
@@ -163,11 +176,6 @@ def _between_conditions(state: Fit, inverse: Floats, variance: Floats) -> Floats
     return np.maximum(factors, 1.0)
 
 
-def _condition(piece: Piece) -> str:
-    return f"{piece.track.procedure} {piece.track.replicate or piece.track.name}"
-
-
 def quantile(state: Fit) -> float:
     """Give the factor from standard deviation to 95 % half width, for the number of blocks at hand."""
-    count = 1 + max((int(item.blocks.max()) for item in state.linear), default=0)
-    return float(student.ppf(0.975, max(count - state.columns.size, 2)))
+    return float(student.ppf(0.975, max(state.block_count - state.columns.size, 2)))

@@ -2,19 +2,23 @@
 
 Each piece gives its weighted residual and Jacobian with the run's own constant projected out where the equation is
 an angle. Sums over samples are kept per run and per block of time, so that a fold that leaves a run out, or a test
-that turns the sign of blocks, costs one small solve.
+that turns the sign of blocks, costs one small solve. The samples stay where the runs are held; only sums travel.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.log.run import ProcedureName
 from rig.loop.model.equations import Equation, Law, Piece
 from rig.loop.model.evaluation import Evaluation
 from rig.loop.model.prediction import Model, predict
 from rig.loop.model.terms import line_values
+from rig.loop.workers.held import Held
+from sim_backend.errors import ModelError
 
 Floats = NDArray[np.float64]
 Kind = tuple[Equation, Law, bool]
@@ -70,10 +74,51 @@ class Columns:
 
 
 @dataclass(frozen=True, slots=True)
+class About:
+    """What the search asks of a piece without its samples; `winds`: the motor torque was recorded."""
+
+    run: str
+    condition: str
+    procedure: ProcedureName
+    equation: Equation
+    law: Law
+    moves: bool
+    winds: bool
+    samples: int
+
+    @property
+    def kind(self) -> Kind:
+        """Pieces of one kind share their noise."""
+        return self.equation, self.law, self.moves
+
+
+def about(piece: Piece) -> About:
+    """Describe a piece."""
+    track = piece.track
+    condition = f"{track.procedure} {track.replicate or track.name}"
+    winds, size = track.M is not None, piece.index.size
+    return About(track.name, condition, track.procedure, piece.equation, piece.law, track.moves, winds, size)
+
+
+@dataclass(frozen=True, slots=True)
+class Predicted:
+    """A piece evaluated at a model: residual (m,), the run's own constant projected out of an angle."""
+
+    piece: Piece
+    evaluation: Evaluation
+    residual: Floats
+
+    @property
+    def squares(self) -> float:
+        """Sum of squares of the residual."""
+        return float(self.residual @ self.residual)
+
+
+@dataclass(frozen=True, slots=True)
 class LinearPiece:
     """A piece linearised about a model: residual (m,), Jacobian (m, p), weight, and its blocks of time.
 
-    `starts`: first sample of every block; `blocks`: the blocks' numbers in the campaign, shape as `starts`.
+    `starts`: first sample of every block; `slots`: the blocks' numbers in the run, shape as `starts`.
     """
 
     piece: Piece
@@ -82,7 +127,7 @@ class LinearPiece:
     jacobian: Floats
     weight: float
     starts: NDArray[np.intp]
-    blocks: NDArray[np.intp]
+    slots: NDArray[np.intp]
 
     def centred(self, values: Floats) -> Floats:
         """Project the run's own constant out of `values` (m,) or (m, k), where the equation is an angle."""
@@ -127,45 +172,81 @@ def solve(A: Floats, b: Floats) -> Floats:
     return np.asarray(((vectors @ (solved * projected.T).T).T / scale).T)
 
 
+def predicted(piece: Piece, model: Model) -> Predicted:
+    """Evaluate a piece. Raises ModelError where no drive is like the model."""
+    evaluation = predict(piece, model)
+    residual = piece.target - evaluation.value[piece.index]
+    return Predicted(piece, evaluation, residual - residual.mean() if piece.demeaned else residual)
+
+
+def tried(piece: Piece, model: Model) -> Predicted | None:
+    """Evaluate a piece; None where no drive is like the model (T1 above T2)."""
+    try:
+        return predicted(piece, model)
+    except ModelError:
+        return None
+
+
+def squares_of(item: Predicted | None) -> float:
+    """Give the squares of a piece that was tried, infinite where no drive is like the model."""
+    return math.inf if item is None else item.squares
+
+
+def base_names(item: Predicted) -> tuple[str, ...]:
+    """Give the base parameters that the piece tells of."""
+    return tuple(item.evaluation.base)
+
+
+def linearised(
+    item: Predicted | None, model: Model, columns: Columns, noise: Mapping[Kind, Noise], block: float
+) -> LinearPiece:
+    """Linearise a piece about the model it was evaluated at. `block`: length of the blocks of time at least, s."""
+    if item is None:
+        raise ValueError("no drive is like this model")
+    piece, evaluation, rows = item.piece, item.evaluation, item.piece.index
+    jacobian = np.zeros((rows.size, columns.size))
+    for number, name in enumerate(columns.base):
+        column = evaluation.base.get(name)
+        if column is not None:
+            scale = model.value(name) if _is_logarithmic(model, name) else 1.0
+            jacobian[:, number] = scale * column[rows]
+    for number, line in enumerate(model.lines):
+        position = evaluation.positions.get(line.kind.variable)
+        if position is not None:
+            three = evaluation.columns(line.kind, line_values(line, position).derivatives, rows)
+            place = columns.of_line(number)
+            for offset in range(place.stop - place.start):
+                jacobian[:, place.start + offset] = three[offset]
+    for number, term in enumerate(model.shapes):
+        derivatives = evaluation.shape_columns(term, rows, piece.track.step)
+        if derivatives is not None:
+            jacobian[:, columns.of_shape(number)] = np.column_stack(derivatives)
+    if piece.demeaned:
+        jacobian -= jacobian.mean(axis=0)
+    nothing = np.zeros(0, dtype=np.intp)
+    return weighted(LinearPiece(piece, evaluation, item.residual, jacobian, 1.0, nothing, nothing), noise, block)
+
+
+def weighted(item: LinearPiece, noise: Mapping[Kind, Noise], block: float) -> LinearPiece:
+    """Give the piece with the weight and the blocks that go with `noise`."""
+    slot = np.floor(item.piece.track.time[item.piece.index] / _block_of(item.piece, noise, block)).astype(np.intp)
+    starts = np.flatnonzero(np.concatenate([[True], np.diff(slot) != 0]))
+    return replace(item, weight=weight_of(item.piece.kind, noise), starts=starts, slots=slot[starts])
+
+
+def weight_of(kind: Kind, noise: Mapping[Kind, Noise]) -> float:
+    """Give the weight of a sample of a piece of this kind: 1 where nothing is known of its noise."""
+    return noise[kind].weight if kind in noise else 1.0
+
+
 def linearise(
-    pieces: Sequence[Piece], model: Model, columns: Columns, noise: dict[Kind, Noise], block: float
+    pieces: Sequence[Piece], model: Model, columns: Columns, noise: Mapping[Kind, Noise], block: float
 ) -> list[LinearPiece]:
-    """Evaluate every piece about the model. `block`: length of the blocks of time at least, s."""
-    numbers: dict[tuple[str, Law, int], int] = {}
-    found = []
-    for piece in pieces:
-        evaluation = predict(piece, model)
-        rows = piece.index
-        jacobian = np.zeros((rows.size, columns.size))
-        for number, name in enumerate(columns.base):
-            column = evaluation.base.get(name)
-            if column is not None:
-                scale = model.value(name) if _is_logarithmic(model, name) else 1.0
-                jacobian[:, number] = scale * column[rows]
-        for number, line in enumerate(model.lines):
-            position = evaluation.positions.get(line.kind.variable)
-            if position is not None:
-                three = evaluation.columns(line.kind, line_values(line, position).derivatives, rows)
-                place = columns.of_line(number)
-                for offset in range(place.stop - place.start):
-                    jacobian[:, place.start + offset] = three[offset]
-        for number, term in enumerate(model.shapes):
-            derivatives = evaluation.shape_columns(term, rows, piece.track.step)
-            if derivatives is not None:
-                jacobian[:, columns.of_shape(number)] = np.column_stack(derivatives)
-        residual = piece.target - evaluation.value[rows]
-        if piece.demeaned:
-            residual = residual - residual.mean()
-            jacobian -= jacobian.mean(axis=0)
-        slot = np.floor(piece.track.time[rows] / _block_of(piece, noise, block)).astype(int)
-        starts = np.flatnonzero(np.concatenate([[True], np.diff(slot) != 0]))
-        ids = [numbers.setdefault((piece.track.name, piece.law, int(slot[start])), len(numbers)) for start in starts]
-        weight = noise[piece.kind].weight if piece.kind in noise else 1.0
-        found.append(LinearPiece(piece, evaluation, residual, jacobian, weight, starts, np.array(ids)))
-    return found
+    """Evaluate and linearise pieces that are here."""
+    return [linearised(predicted(piece, model), model, columns, noise, block) for piece in pieces]
 
 
-def _block_of(piece: Piece, noise: dict[Kind, Noise], block: float) -> float:
+def _block_of(piece: Piece, noise: Mapping[Kind, Noise], block: float) -> float:
     """Give the length (s) of a piece's blocks: at least `block`, longer where its residual remembers longer."""
     if piece.kind not in noise:
         return block
@@ -177,28 +258,64 @@ def _is_logarithmic(model: Model, name: str) -> bool:
     return bool(model.table.entries[model.table.names.index(name)].logarithmic)
 
 
-def normal_of(linear: Sequence[LinearPiece]) -> Normal:
+@dataclass(frozen=True, slots=True)
+class Part:
+    """What a piece adds to the normal equations: A (p, p), g (p,) and the weighted squares; `slots`: of its blocks."""
+
+    A: Floats
+    g: Floats
+    squares: float
+    slots: NDArray[np.intp]
+
+
+def part_of(item: LinearPiece) -> Part:
+    """Sum a piece."""
+    scaled = item.weight * item.jacobian.T
+    squares = item.weight * float(item.residual @ item.residual)
+    return Part(scaled @ item.jacobian, scaled @ item.residual, squares, item.slots)
+
+
+def block_scores(item: LinearPiece) -> Floats:
+    """Give the base's weighted scores summed over the blocks of a piece, (b, p)."""
+    return item.block_sums(item.jacobian * (item.weight * item.residual)[:, None])
+
+
+def normal_of(known: Sequence[About], parts: Sequence[Part]) -> Normal:
     """Sum the pieces into one normal matrix a run."""
-    runs = tuple(dict.fromkeys(item.piece.track.name for item in linear))
-    size = linear[0].jacobian.shape[1] if linear else 0
+    runs = tuple(dict.fromkeys(item.run for item in known))
+    size = parts[0].g.size if parts else 0
     A, g, squares = np.zeros((len(runs), size, size)), np.zeros((len(runs), size)), np.zeros(len(runs))
-    for item in linear:
-        row = runs.index(item.piece.track.name)
-        A[row] += item.weight * item.jacobian.T @ item.jacobian
-        g[row] += item.weight * item.jacobian.T @ item.residual
-        squares[row] += item.weight * item.residual @ item.residual
+    for item, part in zip(known, parts, strict=True):
+        row = runs.index(item.run)
+        A[row] += part.A
+        g[row] += part.g
+        squares[row] += part.squares
     return Normal(runs, A, g, squares)
 
 
-def noise_of(linear: Sequence[LinearPiece]) -> dict[Kind, Noise]:
+def numbered(known: Sequence[About], parts: Sequence[Part]) -> tuple[NDArray[np.intp], ...]:
+    """Give the numbers of every piece's blocks in the campaign: pieces of one run and law share theirs."""
+    numbers: dict[tuple[str, Law, int], int] = {}
+    return tuple(
+        np.array([numbers.setdefault((item.run, item.law, slot), len(numbers)) for slot in part.slots.tolist()])
+        for item, part in zip(known, parts, strict=True)
+    )
+
+
+def left_of(item: LinearPiece) -> tuple[float, float]:
+    """Give the squares of a piece's residual and its correlation length in samples."""
+    return float(item.residual @ item.residual), correlation_length(item.residual)
+
+
+def noise_of(known: Sequence[About], linear: Held[LinearPiece]) -> dict[Kind, Noise]:
     """Estimate size and correlation length of the residual for every kind of piece."""
+    left = linear.map(left_of)
     found: dict[Kind, Noise] = {}
-    for kind in dict.fromkeys(item.piece.kind for item in linear):
-        same = [item for item in linear if item.piece.kind == kind]
-        count = sum(item.residual.size for item in same)
-        mean_square = sum(float(item.residual @ item.residual) for item in same) / count
-        lengths = [correlation_length(item.residual) for item in same]
-        found[kind] = Noise(max(np.sqrt(mean_square), 1e-12), float(np.median(lengths)))
+    for kind in dict.fromkeys(item.kind for item in known):
+        same = [(item.samples, *one) for item, one in zip(known, left, strict=True) if item.kind == kind]
+        mean_square = sum(squares for _, squares, _ in same) / sum(samples for samples, _, _ in same)
+        length = float(np.median([length for _, _, length in same]))
+        found[kind] = Noise(max(np.sqrt(mean_square), 1e-12), length)
     return found
 
 

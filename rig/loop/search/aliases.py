@@ -11,9 +11,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rig.loop.fitting.normal import LinearPiece
+from rig.loop.model.equations import Equation
 from rig.loop.signals.counts import count_of
+from rig.loop.workers.held import Held
+
+Floats = NDArray[np.float64]
 
 FEWEST_SAMPLES = 50
 
@@ -22,6 +27,9 @@ WHOLE = 3.0
 
 SPEED_ERROR = 2e-6
 """Relative error to which a leg's samples a revolution are known: about one count over a leg."""
+
+MOST_STEPS = 20_000
+"""Samples of a run by which its counts are told."""
 
 HARMONICS = 3
 """Harmonics of an encoder's sawtooth that are looked at."""
@@ -47,25 +55,28 @@ class Sampling:
     turns: float
 
 
-def samplings(items: Sequence[LinearPiece], variable: str) -> tuple[Sampling, ...]:
+def samplings(items: Held[LinearPiece], variable: str) -> tuple[Sampling, ...]:
     """Give the sampling of every turning leg that has this angle; of the time none."""
-    found: list[Sampling] = []
     if variable == "time":
         return ()
-    for item in items:
-        position = item.evaluation.positions.get(variable)
-        if position is None or not item.piece.track.moves:
-            continue
-        speed = item.piece.track.speed[item.piece.index]
-        for leg in np.unique(speed):
-            angle = position[item.piece.index][speed == leg]
-            step = float(np.abs(np.median(np.diff(angle)))) if angle.size >= FEWEST_SAMPLES else 0.0
-            if step > 0.0:
-                # the mean step is known far better than one count, as long as no gap lies between
-                whole = np.abs(np.diff(angle)) < 2.0 * step
-                mean = float(np.abs(np.mean(np.diff(angle)[whole])))
-                found.append(Sampling(2.0 * np.pi / mean, float(np.ptp(angle)) / (2.0 * np.pi)))
-    return tuple(found)
+    return tuple(leg for legs in items.map(_samplings, variable) for leg in legs)
+
+
+def _samplings(item: LinearPiece, variable: str) -> list[Sampling]:
+    position = item.evaluation.positions.get(variable)
+    if position is None or not item.piece.track.moves:
+        return []
+    found: list[Sampling] = []
+    speed = item.piece.track.speed[item.piece.index]
+    for leg in np.unique(speed):
+        angle = position[item.piece.index][speed == leg]
+        step = float(np.abs(np.median(np.diff(angle)))) if angle.size >= FEWEST_SAMPLES else 0.0
+        if step > 0.0:
+            # the mean step is known far better than one count, as long as no gap lies between
+            whole = np.abs(np.diff(angle)) < 2.0 * step
+            mean = float(np.abs(np.mean(np.diff(angle)[whole])))
+            found.append(Sampling(2.0 * np.pi / mean, float(np.ptp(angle)) / (2.0 * np.pi)))
+    return found
 
 
 def alike(one: float, other: float, legs: Sequence[Sampling]) -> bool:
@@ -98,24 +109,24 @@ def likeliest(order: float, others: Sequence[float], legs: Sequence[Sampling]) -
     return (whole or every)[0]
 
 
-def beats(order: float, items: Sequence[LinearPiece], variable: str, legs: Sequence[Sampling]) -> bool:
+def beats(order: float, items: Held[LinearPiece], variable: str, legs: Sequence[Sampling]) -> bool:
     """Whether a line is an encoder's counts beating with the samples: a sawtooth of the angle, not a cause."""
     counts = _counts(items, variable)
     return counts is not None and any(alike(order, m * counts, legs) for m in range(1, HARMONICS + 1))
 
 
 def small_beats(
-    order: float, amplitude: float, items: Sequence[LinearPiece], variable: str, legs: Sequence[Sampling]
+    order: float, amplitude: float, items: Held[LinearPiece], variable: str, legs: Sequence[Sampling], ratio: float
 ) -> bool:
     """Whether a line of the torsion is no larger than a count makes it, and beats with the samples of the longest leg.
 
     amplitude: rad at the output. The sawtooth of a step q has lines of q / (m pi). Either encoder counts, also along
-    the other's angle; other legs need not show it, as each folds the counts to another order.
+    the other's angle; other legs need not show it, as each folds the counts to another order. `ratio`: of the gear.
     """
-    if not legs or not items:
+    if not legs:
         return False
     longest = max(legs, key=lambda leg: leg.turns)
-    at_output = {"motor_position": 1.0 / items[0].evaluation.ratio, "output_position": 1.0}
+    at_output = {"motor_position": 1.0 / ratio, "output_position": 1.0}
     for signal, share in at_output.items():
         counts = _counts(items, signal)
         if counts is None:
@@ -127,31 +138,47 @@ def small_beats(
     return False
 
 
-def counts_pass(frequency: float, items: Sequence[LinearPiece], counts: Mapping[str, float]) -> bool:
-    """Whether an encoder's counts pass by at this frequency (Hz) for a noticeable part of the sweeps.
+def counts_pass(frequencies: Sequence[float], items: Held[LinearPiece], counts: Mapping[str, float]) -> bool:
+    """Whether an encoder's counts pass by at one of these (Hz) for a noticeable part of the sweeps.
 
     A slow sweep at a constant rate makes a sawtooth in time of the count, which is no resonance. `counts`: per
     revolution, by the signal of the angle.
     """
+    if not frequencies:
+        return False
     for signal, per_turn in counts.items():
-        rates = [
-            np.abs(np.gradient(item.evaluation.signals[signal], item.piece.track.time))
-            for item in items
-            if not item.piece.track.moves and signal in item.evaluation.signals and item.piece.track.size > 2
-        ]
-        passing = np.concatenate(rates or [np.zeros(0)]) * per_turn / (2.0 * math.pi)
-        passing = passing[passing > LEAST_PASSING]
-        for harmonic in range(1, HARMONICS + 1):
-            if passing.size and np.mean(np.abs(harmonic * passing / frequency - 1.0) < ALIKE_RATE) > NOTICEABLE:
-                return True
+        seen = items.map(_passing, signal, per_turn, frequencies)
+        passing, total = sum(near for near, _ in seen), sum(count for _, count in seen)
+        if total and np.any(passing > NOTICEABLE * total):
+            return True
     return False
 
 
-def _counts(items: Sequence[LinearPiece], variable: str) -> float | None:
+def _passing(
+    item: LinearPiece, signal: str, per_turn: float, frequencies: Sequence[float]
+) -> tuple[NDArray[np.int_], int]:
+    """Give at how many samples of a sweep counts pass by at every frequency and harmonic, and at how many at all."""
+    wanted = np.outer(frequencies, 1.0 / np.arange(1, HARMONICS + 1)).ravel()
+    track, angle = item.piece.track, item.evaluation.signals.get(signal)
+    swept = item.piece.equation is Equation.TORSION and not track.moves
+    if not swept or angle is None or track.size <= 2:
+        return np.zeros(wanted.size, dtype=np.int_), 0
+    passing = np.abs(np.gradient(angle, track.time)) * per_turn / (2.0 * math.pi)
+    passing = passing[passing > LEAST_PASSING]
+    return np.array([np.sum(np.abs(passing / one - 1.0) < ALIKE_RATE) for one in wanted]), passing.size
+
+
+def _counts(items: Held[LinearPiece], variable: str) -> float | None:
     """Give the counts per revolution that an angle comes in, None where no steps are seen."""
-    turning = [item for item in items if item.piece.track.moves and variable in item.evaluation.positions]
-    count = count_of([item.evaluation.positions[variable][item.piece.index] for item in turning])
+    count = count_of([steps for steps in items.map(_turned, variable) if steps is not None])
     return None if count is None else float(round(2.0 * math.pi / count))
+
+
+def _turned(item: LinearPiece, variable: str) -> Floats | None:
+    """Give the angle of a turning run, as many samples as tell its counts."""
+    if not item.piece.track.moves or variable not in item.evaluation.positions:
+        return None
+    return item.evaluation.positions[variable][item.piece.index][:MOST_STEPS]
 
 
 def _away(order: float, leg: Sampling) -> float:

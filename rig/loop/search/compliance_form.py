@@ -4,6 +4,8 @@ The flexspline's compliance is a base term; where its true form differs from the
 odd in the torque, and nothing else can be told of it.
 """
 
+from functools import partial
+
 import numpy as np
 
 from rig.loop.fitting.normal import LinearPiece
@@ -15,7 +17,7 @@ FORM_ERROR = "flexspline-compliance"
 
 def other_compliance(ground: Ground, largest: float) -> Trial:
     """Score a compliance of another form: odd powers of the torque, relative to `largest` (N*m)."""
-    return try_columns(ground, FORM_ERROR, [form_columns(item, largest) for item in ground.fit.linear])
+    return try_columns(ground, FORM_ERROR, partial(form_columns, largest=largest))
 
 
 def form_columns(item: LinearPiece, largest: float) -> Floats | None:

@@ -8,12 +8,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from rig.loop.fitting.fit import Fit, coarse, fit
+from rig.loop.fitting.fit import Fit, fit
 from rig.loop.fitting.normal import noise_of
 from rig.loop.model.equations import Piece
 from rig.loop.search.acceptance import LARGE_SHARE
 from rig.loop.search.shape_trials import ShapeTrial
 from rig.loop.search.trial import Ground
+from rig.loop.workers.held import Held
 
 CONTENDS = 0.3
 """Share of the best gain from which on an effect is fitted before it is compared."""
@@ -25,14 +26,13 @@ PASSES, REWEIGHTINGS = 10, 3
 """Passes of a fit at most, and how often its weights are taken anew from its residual."""
 
 
-def by_joint_fit(
-    pieces: Sequence[Piece], ground: Ground, trials: Sequence[ShapeTrial], alpha: float
-) -> list[ShapeTrial]:
+def by_joint_fit(few: Held[Piece], ground: Ground, trials: Sequence[ShapeTrial], alpha: float) -> list[ShapeTrial]:
     """Order the contenders among `trials` by how far a joint fit with each lowers the residual; gains follow suit.
 
     The best contender gets the largest linearised gain among them, the others their share of it. As logarithms of the
     ratio of squares are compared, equation by equation, what removes nearly everything beats what removes most.
-    Nothing is fitted where all may be chance at the false-alarm rate `alpha`, and none is large.
+    `few`: the pieces with few samples. Nothing is fitted where all may be chance at the false-alarm rate `alpha`, and
+    none is large.
     """
     if not any(item.trial.single_p * item.tests <= alpha or item.trial.share >= LARGE_SHARE for item in trials):
         return list(trials)
@@ -40,7 +40,6 @@ def by_joint_fit(
     close = [item for item in trials if item.trial.gain >= CONTENDS * most][:MOST]
     if len(close) < 2:
         return list(trials)
-    few = coarse(pieces)
     before = fit(few, ground.fit.model, ground.fit.noise, passes=PASSES, block=ground.fit.block)
     explained = [_explained(before, _with(few, ground.fit, item)) for item in close]
     best = max(explained)
@@ -55,22 +54,22 @@ def by_joint_fit(
     return sorted([*compared, *rest], key=lambda item: -item.trial.gain)
 
 
-def _with(pieces: Sequence[Piece], ground: Fit, item: ShapeTrial) -> Fit:
+def _with(pieces: Held[Piece], ground: Fit, item: ShapeTrial) -> Fit:
     """Fit the contender with everything else; weights follow the residual."""
     model = replace(ground.model, shapes=(*ground.model.shapes, item.term))
     state = fit(pieces, model, ground.noise, passes=PASSES, block=ground.block)
     for _ in range(REWEIGHTINGS):
-        state = fit(pieces, state.model, noise_of(state.linear), passes=PASSES, block=ground.block)
+        state = fit(pieces, state.model, noise_of(state.about, state.linear), passes=PASSES, block=ground.block)
     return state
 
 
 def _explained(before: Fit, after: Fit) -> float:
     """Give the sum of weighted squares times the logarithm of the ratio of squares, over the kinds of piece."""
     total = 0.0
-    was, now = noise_of(before.linear), noise_of(after.linear)
+    was, now = noise_of(before.about, before.linear), noise_of(after.about, after.linear)
     for kind, noise in was.items():
         squares = sum(
-            item.weight * float(item.residual @ item.residual) for item in before.linear if item.piece.kind == kind
+            part.squares for known, part in zip(before.about, before.parts, strict=True) if known.kind == kind
         )
         total += 2.0 * squares * math.log(noise.sigma / now[kind].sigma)
     return total

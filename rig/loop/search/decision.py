@@ -48,3 +48,11 @@ class Selection:
     decisions: tuple[Decision, ...]
     unadded: tuple[Unadded, ...]
     left: tuple[Trial, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Accepted:
+    """A term that was added, and the fit with it."""
+
+    decision: Decision
+    fit: Fit

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.loop.fitting.normal import LinearPiece
+from rig.loop.fitting.fit import Fit
+from rig.loop.fitting.normal import Kind, LinearPiece
 
 Floats = NDArray[np.float64]
 
@@ -31,6 +32,9 @@ HIGHEST_ORDER = 2000.0
 USUAL_HIGHEST_ORDER = 200.0
 """Cycles per revolution searched at least where legs differ in speed, although a log may sample them less than twice:
 at several speeds most aliases differ; those that do not are dealt with in `rig.loop.search.aliases`."""
+
+SHARES = np.linspace(0.0, 1.0, 101)
+"""Shares of a piece's steps by which they are told."""
 
 OTHER_SPEED = 0.02
 """Relative difference from which legs differ in speed."""
@@ -54,36 +58,40 @@ class Spectrum:
     tests: float
 
 
-def scan(items: Sequence[LinearPiece], variable: str, *, against_motion: bool = False) -> Spectrum | None:
-    """Give the spectrum of the weighted residual of `items` over an angle; None where there is no travel."""
-    angles, values = [], []
-    for item in items:
-        position = item.evaluation.positions.get(variable)
-        if position is None:
-            continue
-        direction = item.evaluation.direction[item.piece.index] if against_motion else 1.0
-        angles.append(position[item.piece.index])
-        values.append(item.weight * item.residual * direction)
-    if not angles:
+@dataclass(frozen=True, slots=True)
+class _Travel:
+    """An angle in a piece: extremes (rad), and the steps between samples at even shares of all that are not 0 (rad)."""
+
+    low: float
+    high: float
+    moves: bool
+    steps: Floats
+    moving: int
+
+
+def scan(
+    fit: Fit, kind: Kind, variable: str, *, against_motion: bool = False, turning_only: bool = False
+) -> Spectrum | None:
+    """Give the spectrum of the weighted residual over an angle, of the pieces of a kind; None where there is no travel.
+
+    `turning_only`: of runs that turn alone.
+    """
+    seen = fit.linear.map(_travel, kind, variable, turning_only)
+    known = [one for one in seen if one is not None]
+    if not known:
         return None
-    angle, value = np.concatenate(angles), np.concatenate(values)
-    low, travel = float(angle.min()), float(np.ptp(angle))
+    low, travel = min(one.low for one in known), max(one.high for one in known) - min(one.low for one in known)
     if travel < 1e-3:
         return None
-    turning = [
-        a
-        for a, item in zip(angles, (i for i in items if variable in i.evaluation.positions), strict=True)
-        if item.piece.track.moves
-    ]
-    steps = np.concatenate([np.abs(np.diff(a)) for a in turning or angles])
-    moving = steps[steps > 0]
-    finest = float(np.percentile(moving, 25)) if moving.size else travel
+    finest = _finest([one for one in known if one.moves] or known) or travel
     sampled = 0.45 * 2.0 * np.pi / finest
-    alone = variable == "time" or one_speed(items)
+    alone = variable == "time" or one_speed(fit, kind)
     highest = min(HIGHEST_ORDER, sampled if alone else max(USUAL_HIGHEST_ORDER, sampled))
     width = max(2.0 * np.pi / (BINS_A_CYCLE * highest), travel / MOST_BINS)
-    bins = np.minimum((angle - low) / width, MOST_BINS).astype(np.int64)
-    summed = np.bincount(bins, weights=value)
+    summed = np.zeros(int(min(travel / width, MOST_BINS)) + 1)
+    for bins in fit.linear.map(_binned, kind, variable, turning_only, against_motion, low, width):
+        if bins is not None:
+            np.add.at(summed, bins[0], bins[1])
     size = 1 << (2 * summed.size - 1).bit_length()
     power: Floats = (np.abs(np.fft.rfft(summed, size)) ** 2).astype(np.float64)
     orders: Floats = np.arange(power.size, dtype=np.float64) * (2.0 * np.pi / (size * width))
@@ -92,13 +100,63 @@ def scan(items: Sequence[LinearPiece], variable: str, *, against_motion: bool = 
     return Spectrum(orders[keep], power[keep], resolution, max(1.0, 2.0 * highest / resolution))
 
 
-def one_speed(items: Sequence[LinearPiece]) -> bool:
-    """Whether all turning samples were taken at one speed."""
-    speeds = [np.abs(item.piece.track.speed[item.piece.index]) for item in items if item.piece.track.moves]
+def _angle(item: LinearPiece, kind: Kind, variable: str, turning_only: bool) -> Floats | None:
+    if item.piece.kind != kind or (turning_only and not item.piece.track.moves):
+        return None
+    position = item.evaluation.positions.get(variable)
+    return None if position is None else position[item.piece.index]
+
+
+def _travel(item: LinearPiece, kind: Kind, variable: str, turning_only: bool) -> _Travel | None:
+    angle = _angle(item, kind, variable, turning_only)
+    if angle is None:
+        return None
+    steps = np.abs(np.diff(angle))
+    moving = steps[steps > 0]
+    shares = np.quantile(moving, SHARES) if moving.size else moving
+    return _Travel(float(angle.min()), float(angle.max()), item.piece.track.moves, shares, moving.size)
+
+
+def _finest(known: Sequence[_Travel]) -> float:
+    """Give the step that a quarter of all steps are shorter than, rad; 0 where nothing moves."""
+    some = [one for one in known if one.moving]
+    if not some:
+        return 0.0
+    steps = np.concatenate([one.steps for one in some])
+    counts = np.concatenate([np.full(one.steps.size, one.moving / one.steps.size) for one in some])
+    order = np.argsort(steps)
+    return float(steps[order][np.searchsorted(np.cumsum(counts[order]), 0.25 * counts.sum())])
+
+
+def _binned(
+    item: LinearPiece, kind: Kind, variable: str, turning_only: bool, against_motion: bool, low: float, width: float
+) -> tuple[NDArray[np.intp], Floats] | None:
+    """Sum the weighted residual into bins of an angle: their numbers and the sums, of those that hold any."""
+    angle = _angle(item, kind, variable, turning_only)
+    if angle is None:
+        return None
+    direction = item.evaluation.direction[item.piece.index] if against_motion else 1.0
+    bins = np.minimum((angle - low) / width, MOST_BINS).astype(np.intp)
+    first = int(bins.min())
+    sums = np.bincount(bins - first, weights=item.weight * item.residual * direction)
+    held = np.flatnonzero(sums)
+    return (held + first).astype(np.intp), np.asarray(sums[held], dtype=float)
+
+
+def one_speed(fit: Fit, kind: Kind) -> bool:
+    """Whether all turning samples of a kind of piece were taken at one speed."""
+    speeds = [pair for pair in fit.linear.map(_speeds, kind) if pair is not None]
     if not speeds:
         return False
-    slowest, fastest = min(float(s.min()) for s in speeds), max(float(s.max()) for s in speeds)
+    slowest, fastest = min(pair[0] for pair in speeds), max(pair[1] for pair in speeds)
     return fastest <= (1.0 + OTHER_SPEED) * slowest
+
+
+def _speeds(item: LinearPiece, kind: Kind) -> tuple[float, float] | None:
+    if item.piece.kind != kind or not item.piece.track.moves:
+        return None
+    speed = np.abs(item.piece.track.speed[item.piece.index])
+    return float(speed.min()), float(speed.max())
 
 
 def peaks(spectrum: Spectrum, count: int) -> tuple[Peak, ...]:
@@ -125,17 +183,17 @@ def _level(power: Floats) -> Floats:
     return np.asarray(np.maximum(level, 1e-12 * max(float(power.max()), 1e-300)))
 
 
-def refine(gain: Callable[[float], float], order: float, resolution: float) -> float:
-    """Maximise `gain` near `order`: by the vertex of a parabola through three orders, then through three close to it.
+def refine(gains: Callable[[Sequence[float]], Sequence[float]], order: float, resolution: float) -> float:
+    """Maximise a gain near `order`: by the vertex of a parabola through three orders, then through three close to it.
 
     The gain of a line falls off with the square of its distance from the best order, up to half a resolution.
+    `gains` gives that of several orders.
     """
     best = order
     for reach in (0.5 * resolution, 0.1 * resolution):
         low = max(best - reach, 1e-6)
-        middle, high = low + reach, low + 2.0 * reach
-        at = [gain(low), gain(middle), gain(high)]
+        at = gains([low, low + reach, low + 2.0 * reach])
         bend = at[0] - 2.0 * at[1] + at[2]
         shift = 0.5 * (at[0] - at[2]) / bend if bend < 0.0 else float(np.sign(at[2] - at[0]))
-        best = middle + reach * min(max(shift, -1.0), 1.0)
+        best = low + reach * (1.0 + min(max(shift, -1.0), 1.0))
     return best

@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rig.loop.fitting.normal import Kind, LinearPiece
 from rig.loop.model.equations import Equation
 from rig.loop.model.terms import Entry, TermClass, periodic_effects
 from rig.loop.search.lines import Peak, Spectrum, one_speed, peaks, scan
-from rig.loop.search.trial import Ground, line_gain
+from rig.loop.search.trial import Ground, gains, line_at
 
 LOW_ORDERS = 12.0
 """Orders up to which every one is tried where only start angles tell them apart."""
@@ -51,22 +52,21 @@ def propose(ground: Ground, known: Mapping[str, float]) -> tuple[list[Proposal],
     """
     found: list[Proposal] = []
     tests = 0.0
-    linear = ground.fit.linear
+    known_pieces = ground.fit.about
     ratio = ground.fit.model.ratio
     effects = periodic_effects()
     counts = known.get("output_encoder_counts")
-    for kind in dict.fromkeys(item.piece.kind for item in linear):
+    for kind in dict.fromkeys(item.kind for item in known_pieces):
         equation = kind[0]
-        items = [item for item in linear if item.piece.kind == kind]
-        has_motor = any("motor_position" in item.evaluation.positions for item in items)
+        has_motor = any(ground.fit.linear.map(_has_motor, kind))
         variable = "motor_position" if has_motor else "output_position"
         for against in (False, True) if equation is not Equation.TORSION else (False,):
-            spectrum = scan(items, variable, against_motion=against)
+            spectrum = scan(ground.fit, kind, variable, against_motion=against)
             if spectrum is None:
                 continue
             tests += spectrum.tests
             tops = _tops(spectrum)
-            if equation is Equation.TORSION and not any(item.piece.track.moves for item in linear):
+            if equation is Equation.TORSION and not any(item.moves for item in known_pieces):
                 tops += _low_orders(ground, effects, spectrum.resolution)
             for peak in tops:
                 classes = _classes(equation, variable, peak.order, spectrum.resolution, ratio, effects, against=against)
@@ -74,8 +74,7 @@ def propose(ground: Ground, known: Mapping[str, float]) -> tuple[list[Proposal],
                     classes += _subdivisions(peak.order * ratio, spectrum.resolution * ratio, counts, effects)
                 found += [replace(proposal, height=peak.height) for proposal in classes]
         # a sweep is the same function of the time in every run: there nothing tells the time from what is swept
-        turning = [item for item in items if item.piece.track.moves]
-        hum = None if one_speed(turning) else scan(turning, "time")
+        hum = None if one_speed(ground.fit, kind) else scan(ground.fit, kind, "time", turning_only=True)
         if hum is not None:
             tests += hum.tests
             slowest = max(LOWEST_FREQUENCY, FEWEST_PERIODS * hum.resolution)
@@ -83,6 +82,10 @@ def propose(ground: Ground, known: Mapping[str, float]) -> tuple[list[Proposal],
             found += [Proposal(over_time, p.order, hum.resolution, p.height) for p in _tops(hum) if p.order > slowest]
     fixed = [Proposal(effect, effect.fixed_order, 0.0) for effect in effects if effect.fixed_order is not None]
     return found + fixed, 2.0 * max(tests, 1.0), 2.0 * max(len(fixed), 1)
+
+
+def _has_motor(item: LinearPiece, kind: Kind) -> bool:
+    return item.piece.kind == kind and "motor_position" in item.evaluation.positions
 
 
 def _low_orders(ground: Ground, effects: Sequence[TermClass], resolution: float) -> list[Peak]:
@@ -95,7 +98,7 @@ def _low_orders(ground: Ground, effects: Sequence[TermClass], resolution: float)
     if kind is None:
         return []
     orders = np.arange(resolution, LOW_ORDERS, 0.5 * resolution).tolist()
-    scored = sorted(((line_gain(ground, kind, order), order) for order in orders), reverse=True)
+    scored = sorted(zip(gains(ground, [line_at(kind, order) for order in orders]), orders, strict=True), reverse=True)
     found: list[float] = []
     for _, order in scored:
         if len(found) < PEAKS_BY_POWER and all(abs(order - other) > resolution for other in found):

@@ -8,6 +8,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,8 @@ from numpy.typing import NDArray
 from rig.loop.fitting.normal import LinearPiece
 from rig.loop.model.curves import Curve
 from rig.loop.model.shapes import ShapeTerm, addition, catalogue_shapes, unit_columns
-from rig.loop.search.trial import Ground, Trial, columns_gain, try_columns
+from rig.loop.search.trial import Columns, Ground, Trial, gains, try_columns
+from rig.loop.workers.held import Held
 from sim_backend.model.effects import Effect
 
 Floats = NDArray[np.float64]
@@ -66,41 +68,55 @@ class Scales:
     known: Mapping[str, float]
 
 
-def shape_trials(ground: Ground, scales: Scales, least: float) -> list[ShapeTrial]:
-    """Score every effect, best first. `least`: gain of something else; what stays far below it is not refined."""
-    starts = {effect.id: _starts(effect, scales) for effect in catalogue_shapes()}
-    best: list[tuple[float, ShapeTerm]] = []
-    for terms in starts.values():
-        scored = [(columns_gain(ground, trial_columns(ground, term)), term) for term in terms]
-        if scored:
-            best.append(max(scored, key=lambda pair: pair[0]))
+def shape_trials(ground: Ground, sparse: Ground, scales: Scales, least: float) -> list[ShapeTrial]:
+    """Score every effect, best first. `least`: gain of something else; what stays far below it is not refined.
+
+    `sparse`: the same ground on few samples, where parameters are looked for unless they are frequencies.
+    """
+    starts = [terms for effect in catalogue_shapes() if (terms := _starts(effect, scales))]
+    first = [_best_of(_where_to_look(ground, sparse, terms[0]), terms) for terms in starts]
+    best = list(zip(gains(ground, [shape_of(term) for term in first]), first, strict=True))
     most = max([least, *(gain for gain, _ in best)], default=0.0)
-    tests = 2.0 * sum(len(terms) for terms in starts.values())
+    tests = 2.0 * sum(len(terms) for terms in starts)
     found = []
     for gain, term in best:
         if gain <= 0.0:
             continue
-        tuned = _refined(ground, term) if gain >= REFINED * most else term
-        trial = try_columns(ground, term.effect.id, trial_columns(ground, tuned))
+        tuned = _refined(_where_to_look(ground, sparse, term), term) if gain >= REFINED * most else term
+        trial = try_columns(ground, term.effect.id, shape_of(tuned))
         sized_term = sized(tuned, trial.amplitudes)
         if trial.gain > 0.0 and sized_term is not None:
             found.append(ShapeTrial(sized_term, trial, tests))
     return sorted(found, key=lambda item: -item.trial.gain)
 
 
-def scales_of(items: Sequence[LinearPiece], known: Mapping[str, float]) -> Scales:
+def _where_to_look(ground: Ground, sparse: Ground, term: ShapeTerm) -> Ground:
+    return ground if term.frequencies else sparse
+
+
+def _best_of(ground: Ground, terms: Sequence[ShapeTerm]) -> ShapeTerm:
+    found = gains(ground, [shape_of(term) for term in terms])
+    return max(zip(found, terms, strict=True), key=lambda pair: pair[0])[1]
+
+
+def scales_of(items: Held[LinearPiece], known: Mapping[str, float]) -> Scales:
     """Measure the campaign. `known`: parameters that no fit estimates, by name."""
-    tracks = {item.piece.track.name: item.piece.track for item in items}.values()
-    torque = max((float(np.abs(t.T).max()) for t in tracks if t.T is not None and t.size), default=0.0)
-    speed = max((float(np.abs(t.speed).max()) for t in tracks if t.size), default=0.0)
-    longest = max((float(np.ptp(t.time)) for t in tracks if t.size), default=0.0)
-    period = max((t.step for t in tracks), default=0.0)
+    measured = items.map(_scales)
+    torque, speed, longest, period = (max(values, default=0.0) for values in zip(*measured, strict=True))
     return Scales(torque, speed, longest, period, {"full_scale": max(torque, 1e-9), **known})
 
 
-def trial_columns(ground: Ground, term: ShapeTerm) -> list[Floats | None]:
-    """Give the columns (m, amplitudes) of a term in every piece, None where it does not act."""
-    return [_piece_columns(item, term) for item in ground.fit.linear]
+def _scales(item: LinearPiece) -> tuple[float, float, float, float]:
+    track = item.piece.track
+    if not track.size:
+        return 0.0, 0.0, 0.0, track.step
+    torque = 0.0 if track.T is None else float(np.abs(track.T).max())
+    return torque, float(np.abs(track.speed).max()), float(np.ptp(track.time)), track.step
+
+
+def shape_of(term: ShapeTerm) -> Columns:
+    """Give the candidate that is this term, one column (m,) for every amplitude."""
+    return partial(_piece_columns, term=term)
 
 
 def _piece_columns(item: LinearPiece, term: ShapeTerm) -> Floats | None:
@@ -197,7 +213,7 @@ def _best_along(ground: Ground, term: ShapeTerm, k: int, reach: float) -> ShapeT
 
     def at(shift: float) -> tuple[float, ShapeTerm]:
         moved = term.scaled(k, math.exp(shift))
-        return columns_gain(ground, trial_columns(ground, moved)), moved
+        return gains(ground, [shape_of(moved)])[0], moved
 
     low, high = -reach, reach
     a, b = high - golden * (high - low), low + golden * (high - low)

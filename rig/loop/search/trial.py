@@ -12,8 +12,9 @@ Source: Pinelis, "Extremal probabilistic problems and Hotelling's T2 test under 
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +22,9 @@ from scipy.stats import chi2
 
 from rig.log.run import ProcedureName
 from rig.loop.fitting.fit import Fit
-from rig.loop.fitting.normal import LinearPiece, solve
+from rig.loop.fitting.normal import LinearPiece, block_scores, solve
 from rig.loop.model.equations import Equation
-from rig.loop.model.terms import Entry, TermClass, line_derivatives
+from rig.loop.model.terms import Entry, Line, TermClass, line_derivatives
 
 Floats = NDArray[np.float64]
 
@@ -82,20 +83,56 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """What all trials on one fit share: inverse of the normal matrix, block sums of the base's scores, base folds."""
+    """What all trials on one fit share: inverse of the normal matrix, block sums of the base's scores by piece."""
 
     fit: Fit
     inverse: Floats
     base_scores: tuple[Floats, ...]
-    block_count: int
+
+
+Columns = Callable[[LinearPiece], Floats | None]
+"""A candidate: what gives its columns (m, k), centred, in a piece; None where it does not act. Picklable."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sums:
+    """What a candidate's columns sum to in a piece, weighted.
+
+    With themselves (k, k), with the base's columns (k, p), with the residual (k,), and with it block by block (b, k).
+    """
+
+    own: Floats
+    cross: Floats
+    pull: Floats
+    blocks: Floats
 
 
 def prepare(fit: Fit) -> Ground:
     """Compute what all trials on `fit` share."""
     A = fit.normal.A.sum(axis=0) + np.diag(fit.prior)
-    scores = tuple(item.block_sums(item.jacobian * (item.weight * item.residual)[:, None]) for item in fit.linear)
-    count = 1 + max((int(item.blocks.max()) for item in fit.linear), default=0)
-    return Ground(fit, solve(A, np.eye(A.shape[0])), scores, count)
+    return Ground(fit, solve(A, np.eye(A.shape[0])), tuple(fit.linear.map(block_scores)))
+
+
+def _sums(item: LinearPiece, columns: Columns) -> Sums | None:
+    made = columns(item)
+    if made is None:
+        return None
+    weighted = item.weight * made
+    scores = weighted * item.residual[:, None]
+    return Sums(weighted.T @ made, weighted.T @ item.jacobian, scores.sum(axis=0), item.block_sums(scores))
+
+
+def _brief_sums(item: LinearPiece, candidates: Sequence[Columns]) -> list[tuple[Floats, Floats, Floats] | None]:
+    """Give what `Sums` has, without the blocks, for several candidates."""
+    found: list[tuple[Floats, Floats, Floats] | None] = []
+    for columns in candidates:
+        made = columns(item)
+        if made is None:
+            found.append(None)
+            continue
+        weighted = item.weight * made
+        found.append((weighted.T @ made, weighted.T @ item.jacobian, weighted.T @ item.residual))
+    return found
 
 
 def line_columns(item: LinearPiece, kind: TermClass, order: float) -> Floats | None:
@@ -118,34 +155,32 @@ def acts(item: LinearPiece, kind: TermClass) -> bool:
     return (evaluation.load if entry.equation is Equation.OUTPUT_TORQUE else evaluation.motor) is not None
 
 
-def try_columns(ground: Ground, label: str, columns: Sequence[Floats | None], *, ridge: float = 0.0) -> Trial:
-    """Score a candidate given by its columns (m, k) in every piece of the fit (None: it does not act there).
+def try_columns(ground: Ground, label: str, columns: Columns, *, ridge: float = 0.0) -> Trial:
+    """Score a candidate.
 
     `ridge`: share of its own information that each column has as a prior at zero when runs are left out: the run that
     is left out may be the only one to hold a part of a curve.
     """
     fit = ground.fit
-    size = next((c.shape[1] for c in columns if c is not None), 0)
+    sums = fit.linear.map(_sums, columns)
+    size = next((one.pull.size for one in sums if one is not None), 0)
     if size == 0:
         return _nothing(label, 1)
     runs = len(fit.normal.runs)
     cross = np.zeros((runs, size, fit.columns.size))
     own, pull = np.zeros((runs, size, size)), np.zeros((runs, size))
-    blocks = np.zeros((ground.block_count, size))
-    for item, column in zip(fit.linear, columns, strict=True):
-        if column is None:
-            continue
-        row = fit.normal.runs.index(item.piece.track.name)
-        weighted = item.weight * column
-        cross[row] += weighted.T @ item.jacobian
-        own[row] += weighted.T @ column
-        scores = weighted * item.residual[:, None]
-        pull[row] += scores.sum(axis=0)
-        np.add.at(blocks, item.blocks, item.block_sums(scores))
+    blocks = np.zeros((fit.block_count, size))
+    for known, numbers, one in zip(fit.about, fit.blocks, sums, strict=True):
+        if one is not None:
+            row = fit.normal.runs.index(known.run)
+            cross[row] += one.cross
+            own[row] += one.own
+            pull[row] += one.pull
+            np.add.at(blocks, numbers, one.blocks)
     total_cross = cross.sum(axis=0)
     projector = total_cross @ ground.inverse
-    for item, base in zip(fit.linear, ground.base_scores, strict=True):
-        np.add.at(blocks, item.blocks, -base @ projector.T)
+    for numbers, base in zip(fit.blocks, ground.base_scores, strict=True):
+        np.add.at(blocks, numbers, -base @ projector.T)
     schur = own.sum(axis=0) - projector @ total_cross.T
     score = pull.sum(axis=0) - projector @ (fit.normal.g.sum(axis=0) + fit.pull)
     if np.any(np.diag(schur) <= ABSORBED * np.diag(own.sum(axis=0))):
@@ -153,7 +188,7 @@ def try_columns(ground: Ground, label: str, columns: Sequence[Floats | None], *,
     amplitudes = solve(schur, score)
     summed = blocks.sum(axis=0)
     statistic = float(summed @ solve(blocks.T @ blocks, summed))
-    shares, carrying = _where(ground, columns, projector, amplitudes)
+    shares, carrying = _where(fit, sums, projector.T @ amplitudes, amplitudes)
     left, without = _leave_out(fit, cross, own, pull, ridge * np.diag(own.sum(axis=0)))
     total = float(without[carrying].sum())
     return Trial(
@@ -173,24 +208,24 @@ def _nothing(label: str, size: int) -> Trial:
 
 
 def _where(
-    ground: Ground, columns: Sequence[Floats | None], projector: Floats, amplitudes: Floats
+    fit: Fit, sums: Sequence[Sums | None], moved: Floats, amplitudes: Floats
 ) -> tuple[dict[Equation, float], NDArray[np.bool_]]:
     """Give the share of every equation's squares that is explained, and which runs carry the term.
 
     The share is that of the procedure in which it is largest: what acts in one need not hide behind the others.
+    `moved` (p,): by how much the base gives way to the term.
     """
-    fit = ground.fit
     expected_run = np.zeros(len(fit.normal.runs))
     by_procedure: dict[tuple[Equation, ProcedureName], list[float]] = {}
-    for item, column in zip(fit.linear, columns, strict=True):
-        explained = -(item.jacobian @ (projector.T @ amplitudes))
-        if column is not None:
-            explained = explained + column @ amplitudes
-        expected = item.weight * float(explained @ explained)
-        expected_run[fit.normal.runs.index(item.piece.track.name)] += expected
-        sums = by_procedure.setdefault((item.piece.equation, item.piece.track.procedure), [0.0, 0.0])
-        sums[0] += 2.0 * item.weight * float(explained @ item.residual) - expected
-        sums[1] += item.weight * float(item.residual @ item.residual)
+    for known, part, one in zip(fit.about, fit.parts, sums, strict=True):
+        expected, along = float(moved @ part.A @ moved), -float(moved @ part.g)
+        if one is not None:
+            expected += float(amplitudes @ one.own @ amplitudes) - 2.0 * float(amplitudes @ one.cross @ moved)
+            along += float(amplitudes @ one.pull)
+        expected_run[fit.normal.runs.index(known.run)] += expected
+        totals = by_procedure.setdefault((known.equation, known.procedure), [0.0, 0.0])
+        totals[0] += 2.0 * along - expected
+        totals[1] += part.squares
     total = float(expected_run.sum())
     shares: dict[Equation, float] = {}
     for (equation, _), (actual, squares) in by_procedure.items():
@@ -205,44 +240,65 @@ def consistent(fit: Fit, number: int) -> bool:
     A condition is an equation, a procedure and, where the run turns, a speed. It has a say if it has seen most phases
     of the line: at a few held angles any other line may add to it or take from it.
     """
-    line, place = fit.model.lines[number], fit.columns.of_line(number)
-    columns = [
-        line.sine * x.jacobian[:, place.start] + line.cosine * x.jacobian[:, place.start + 1] for x in fit.linear
-    ]
+    line = fit.model.lines[number]
+    found = fit.linear.map(_line_says, line, fit.columns.of_line(number))
     phases: dict[_Condition, set[int]] = {}
-    for item in fit.linear:
-        position = item.evaluation.positions.get(line.kind.variable)
-        if position is None:
-            continue
-        turns = line.order * position[item.piece.index] / (2.0 * math.pi)
-        seen = np.floor(PHASES * (turns % 1.0)).astype(int)
-        for condition, mine in _conditions(item):
-            phases.setdefault(condition, set()).update(np.unique(seen[mine]).tolist())
-    judged = {condition for condition, seen_there in phases.items() if len(seen_there) >= MOST_PHASES}
-    return _explains(fit, columns, judged)
+    for said in found:
+        for condition, (_, _, seen) in said.items():
+            phases.setdefault(condition, set()).update(seen)
+    return _explains(found, {condition for condition, seen in phases.items() if len(seen) >= MOST_PHASES})
 
 
 def consistent_shape(fit: Fit, number: int) -> bool:
     """Tell the same of a fitted effect that is no line; every condition has a say."""
     term, place = fit.model.shapes[number], fit.columns.of_shape(number)
     weights = np.array([0.0 if term.is_logarithmic(k) else term.values[k] for k in term.free])
-    return _explains(fit, [item.jacobian[:, place] @ weights for item in fit.linear], None)
+    return _explains(fit.linear.map(_shape_says, place, weights), None)
 
 
-def _explains(fit: Fit, columns: Sequence[Floats], judged: set[_Condition] | None) -> bool:
-    """Whether `columns`, one (m,) for every piece, explain half of what they should under every condition `judged`."""
-    found: dict[_Condition, list[float]] = {}
-    for item, column in zip(fit.linear, columns, strict=True):
-        expected = item.weight * column**2
-        actual = 2.0 * item.weight * column * item.residual + expected
-        for condition, mine in _conditions(item):
-            sums = found.setdefault(condition, [0.0, 0.0])
-            sums[0] += float(expected[mine].sum())
-            sums[1] += float(actual[mine].sum())
-    total = sum(expected for expected, _ in found.values())
+_Said = dict[_Condition, tuple[float, float, frozenset[int]]]
+"""By condition: squares that a term should explain and does explain, and the phases of a line that were seen."""
+
+
+def _line_says(item: LinearPiece, line: Line, place: slice) -> _Said:
+    column = line.sine * item.jacobian[:, place.start] + line.cosine * item.jacobian[:, place.start + 1]
+    position = item.evaluation.positions.get(line.kind.variable)
+    phases = None
+    if position is not None:
+        turns = line.order * position[item.piece.index] / (2.0 * math.pi)
+        phases = np.floor(PHASES * (turns % 1.0)).astype(int)
+    return _says(item, column, phases)
+
+
+def _shape_says(item: LinearPiece, place: slice, weights: Floats) -> _Said:
+    return _says(item, item.jacobian[:, place] @ weights, None)
+
+
+def _says(item: LinearPiece, column: Floats, phases: NDArray[np.int_] | None) -> _Said:
+    expected = item.weight * column**2
+    actual = 2.0 * item.weight * column * item.residual + expected
+    return {
+        condition: (
+            float(expected[mine].sum()),
+            float(actual[mine].sum()),
+            frozenset() if phases is None else frozenset(np.unique(phases[mine]).tolist()),
+        )
+        for condition, mine in _conditions(item)
+    }
+
+
+def _explains(found: Sequence[_Said], judged: set[_Condition] | None) -> bool:
+    """Whether a term explains half of what it should under every condition `judged` (None: under all)."""
+    sums: dict[_Condition, list[float]] = {}
+    for said in found:
+        for condition, (expected, actual, _) in said.items():
+            both = sums.setdefault(condition, [0.0, 0.0])
+            both[0] += expected
+            both[1] += actual
+    total = sum(expected for expected, _ in sums.values())
     return all(
         actual >= 0.5 * expected
-        for condition, (expected, actual) in found.items()
+        for condition, (expected, actual) in sums.items()
         if expected > max(LEAST_EXPECTED, 0.02 * total) and (judged is None or condition in judged)
     )
 
@@ -274,29 +330,28 @@ def _leave_out(fit: Fit, cross: Floats, own: Floats, pull: Floats, ridge: Floats
     return joint.leave_one_out(prior, slope), normal.leave_one_out(fit.prior, fit.pull)
 
 
+def line_at(kind: TermClass, order: float) -> Columns:
+    """Give the candidate that is a line of this kind and order."""
+    return partial(line_columns, kind=kind, order=order)
+
+
 def try_line(ground: Ground, kind: TermClass, order: float) -> Trial:
     """Score a line of this kind and order."""
-    return try_columns(ground, kind.id, [line_columns(item, kind, order) for item in ground.fit.linear])
+    return try_columns(ground, kind.id, line_at(kind, order))
 
 
-def line_gain(ground: Ground, kind: TermClass, order: float) -> float:
-    """Give the gain of a line alone: what the search for the order maximises."""
-    return columns_gain(ground, [line_columns(item, kind, order) for item in ground.fit.linear])
+def gains(ground: Ground, candidates: Sequence[Columns]) -> list[float]:
+    """Give the gain of each of the candidates alone: what a search for an order or a parameter maximises."""
+    by_piece = ground.fit.linear.map(_brief_sums, candidates)
+    return [_gain(ground, [sums[k] for sums in by_piece]) for k in range(len(candidates))]
 
 
-def columns_gain(ground: Ground, columns: Sequence[Floats | None]) -> float:
-    """Give the gain of a candidate given by its columns (m, k) in every piece (None: it does not act there)."""
+def _gain(ground: Ground, sums: Sequence[tuple[Floats, Floats, Floats] | None]) -> float:
     fit = ground.fit
-    size = next((c.shape[1] for c in columns if c is not None), 0)
-    if size == 0:
+    known = [one for one in sums if one is not None]
+    if not known:
         return 0.0
-    own, score, cross = np.zeros((size, size)), np.zeros(size), np.zeros((size, fit.columns.size))
-    for item, column in zip(fit.linear, columns, strict=True):
-        if column is not None:
-            weighted = item.weight * column
-            cross += weighted.T @ item.jacobian
-            own += weighted.T @ column
-            score += weighted.T @ item.residual
+    own, cross, score = (sum(values[1:], values[0]) for values in zip(*known, strict=True))
     projector = cross @ ground.inverse
     schur = own - projector @ cross.T
     score = score - projector @ (fit.normal.g.sum(axis=0) + fit.pull)

@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.loop.fitting.fit import RIDGE, Fit, coarse, fit, refit, with_noise
+from rig.loop.fitting.fit import RIDGE, Fit, Material, fit, refit, with_noise
+from rig.loop.fitting.normal import LinearPiece
 from rig.loop.model.curves import ANGLES, WITHOUT_KNOTS, Curve, Form, tents, zero_of
 from rig.loop.model.equations import Equation, Piece
 from rig.loop.model.evaluation import FLEXSPLINE_TORQUE
@@ -29,8 +30,9 @@ from rig.loop.search.acceptance import (
 )
 from rig.loop.search.contenders import by_joint_fit
 from rig.loop.search.decision import Decision
-from rig.loop.search.shape_trials import Scales, ShapeTrial, scales_of, sized, trial_columns
+from rig.loop.search.shape_trials import Scales, ShapeTrial, scales_of, shape_of, sized
 from rig.loop.search.trial import Ground, consistent_shape, prepare, try_columns
+from rig.loop.workers.held import Held
 from sim_backend.model.effects import Enters
 
 Floats = NDArray[np.float64]
@@ -80,7 +82,7 @@ NEARLY = 0.9
 def curves(ground: Ground, scales: Scales) -> list[ShapeTerm]:
     """Give every curve that is tried, with its knots scaled to the campaign and its values at 0."""
     # without the motor torque nothing tells another torsion from the windup of the wave generator
-    if any(item.piece.equation is Equation.TORSION and item.piece.track.M is None for item in ground.fit.linear):
+    if any(item.equation is Equation.TORSION and not item.winds for item in ground.fit.about):
         return []
     samples = _samples(ground)
     found = []
@@ -142,13 +144,16 @@ def _kinds(samples: Mapping[str, Floats]) -> Iterator[tuple[Enters, str, Form, s
 def _samples(ground: Ground) -> dict[str, Floats]:
     """Give values of every signal that moves, (k,) of the samples that count."""
     found: dict[str, list[Floats]] = {}
-    for item in ground.fit.linear:
-        rows = item.piece.index[:: max(1, item.piece.index.size // MOST_SAMPLES)]
-        for name, values in item.evaluation.signals.items():
-            if name not in INTERNAL:
-                found.setdefault(name, []).append(values[rows])
+    for some in ground.fit.linear.map(_some_samples):
+        for name, values in some.items():
+            found.setdefault(name, []).append(values)
     joined = {name: np.concatenate(parts) for name, parts in found.items()}
     return {name: values for name, values in joined.items() if np.ptp(values) > LEAST_TRAVEL * np.abs(values).max()}
+
+
+def _some_samples(item: LinearPiece) -> dict[str, Floats]:
+    rows = item.piece.index[:: max(1, item.piece.index.size // MOST_SAMPLES)]
+    return {name: values[rows] for name, values in item.evaluation.signals.items() if name not in INTERNAL}
 
 
 def _knots(variable: str, values: Floats) -> list[tuple[float, ...]]:
@@ -170,7 +175,7 @@ def curve_trials(ground: Ground, known: Mapping[str, float]) -> list[ShapeTrial]
     terms = curves(ground, scales_of(ground.fit.linear, known))
     found = []
     for term in terms:
-        trial = try_columns(ground, term.effect.id, trial_columns(ground, term), ridge=RIDGE)
+        trial = try_columns(ground, term.effect.id, shape_of(term), ridge=RIDGE)
         grown = sized(term, trial.amplitudes) if trial.gain > 0.0 else None
         if grown is not None:
             gain = max(trial.gain - MORE_THAN_A_COLUMN * trial.columns, 0.0)
@@ -191,7 +196,7 @@ def _one_of_each(trials: Sequence[ShapeTrial]) -> list[ShapeTrial]:
 
 
 def unnamed(
-    pieces: Sequence[Piece], current: Fit, decisions: Sequence[Decision], alpha: float, known: Mapping[str, float]
+    pieces: Material, current: Fit, decisions: Sequence[Decision], alpha: float, known: Mapping[str, float]
 ) -> tuple[Fit, list[Decision]]:
     """Put shapes without a name where they explain more than the effects that were added, or beside them.
 
@@ -199,16 +204,16 @@ def unnamed(
     `known`: parameters that no fit estimates, by name. They are looked for among few samples and judged by all: few
     samples, each a mean, hold less noise, of which any shape has a larger share.
     """
-    decisions, few = list(decisions), coarse(pieces)
+    decisions = list(decisions)
     for term in current.model.shapes:
-        better = _better_curve(pieces, few, current, term, known, alpha)
+        better = _better_curve(pieces, current, term, known, alpha)
         if better is not None and all(better.term.kind != other.kind for other in decisions):
             shapes = tuple(better.term if x.kind == term.kind else x for x in current.model.shapes)
             current = refit(pieces, current, replace(current.model, shapes=shapes))
             place = next(k for k, decision in enumerate(decisions) if decision.kind == term.kind)
             decisions[place] = _of_curve(better, min(1.0, better.trial.single_p * better.tests), [better])
     while len({decision.kind for decision in decisions}) <= MOST_CLASSES:
-        found = _best_curve(pieces, few, current, known, alpha)
+        found = _best_curve(pieces, current, known, alpha)
         if found is None:
             break
         best, current, p_value, tried = found
@@ -216,7 +221,7 @@ def unnamed(
     if any(isinstance(term.effect, Curve) for term in current.model.shapes):
         for term in [x for x in current.model.shapes if not isinstance(x.effect, Curve)]:
             here = next(x for x in current.model.shapes if x.kind == term.kind)
-            if not _still_needed(few, current, here, alpha):
+            if not _still_needed(pieces.few, current, here, alpha):
                 shapes = tuple(x for x in current.model.shapes if x is not here)
                 current = refit(pieces, current, replace(current.model, shapes=shapes))
     return current, decisions
@@ -231,24 +236,18 @@ def _of_curve(best: ShapeTrial, p_value: float, tried: Sequence[ShapeTrial]) -> 
 
 
 def _best_curve(
-    pieces: Sequence[Piece], few: Sequence[Piece], current: Fit, known: Mapping[str, float], alpha: float
+    pieces: Material, current: Fit, known: Mapping[str, float], alpha: float
 ) -> tuple[ShapeTrial, Fit, float, list[ShapeTrial]] | None:
     """Give the best curve that may be added, the joint fit with it, its p-value, and all that were tried."""
-    sparse = prepare(_with(few, current, current.model))
+    sparse = prepare(_with(pieces.few, current, current.model))
     trials = curve_trials(sparse, known)
     taken = {term.effect.id for term in current.model.shapes}
-    fresh = [item for item in trials if item.term.effect.id not in taken]
-    for candidate in by_joint_fit(few, sparse, fresh, alpha)[:2]:
-        trial, term = candidate.trial, candidate.term
-        p_value = min(1.0, trial.single_p * candidate.tests)
-        large = trial.share >= LARGE_SHARE
-        if not (p_value <= alpha or large) or objection(trial.share, LEAST_CURVE_SHARE, room=True):
-            continue
-        if unpaid_by(trial) and not large:
-            continue
+    fresh = [item for item in trials if item.term.effect.id not in taken and _may_be_added(item, alpha)]
+    for candidate in by_joint_fit(pieces.few, sparse, fresh, alpha)[:2]:
+        term, p_value = candidate.term, min(1.0, candidate.trial.single_p * candidate.tests)
         joint = refit(pieces, current, replace(current.model, shapes=(*current.model.shapes, term)))
         again = prepare(with_noise(current, joint.noise))
-        second = try_columns(again, term.effect.id, trial_columns(again, term), ridge=RIDGE)
+        second = try_columns(again, term.effect.id, shape_of(term), ridge=RIDGE)
         p_value = min(1.0, 2.0 * min(p_value, second.single_p * candidate.tests))
         if p_value > alpha or objection(second.share, LEAST_CURVE_SHARE, room=True):
             continue
@@ -257,9 +256,16 @@ def _best_curve(
     return None
 
 
+def _may_be_added(item: ShapeTrial, alpha: float) -> bool:
+    """Whether a curve is worth a joint fit: no chance, large enough, and paying when runs are left out, or large."""
+    if objection(item.trial.share, LEAST_CURVE_SHARE, room=True):
+        return False
+    large = item.trial.share >= LARGE_SHARE
+    return large or (item.trial.single_p * item.tests <= alpha and not unpaid_by(item.trial))
+
+
 def _better_curve(
-    pieces: Sequence[Piece],
-    few: Sequence[Piece],
+    pieces: Material,
     current: Fit,
     term: ShapeTerm,
     known: Mapping[str, float],
@@ -269,8 +275,8 @@ def _better_curve(
 
     Both are compared without the effect, everything else there, and by joint fits.
     """
-    without = prepare(_without(few, current, term))
-    own = try_columns(without, term.effect.id, trial_columns(without, term))
+    without = prepare(_without(pieces.few, current, term))
+    own = try_columns(without, term.effect.id, shape_of(term))
     trials = [
         x
         for x in curve_trials(without, known)
@@ -280,26 +286,26 @@ def _better_curve(
     ]
     if not trials:
         return None
-    ranked = by_joint_fit(few, without, [trials[0], ShapeTrial(term, own, 1.0)], alpha)
+    ranked = by_joint_fit(pieces.few, without, [trials[0], ShapeTrial(term, own, 1.0)], alpha)
     gains = {item.term is term: item.trial.gain for item in ranked}
     if gains[False] * BEST_SHARE <= gains[True]:
         return None
-    best, whole = trials[0], prepare(_without(pieces, current, term))
-    again = try_columns(whole, best.term.effect.id, trial_columns(whole, best.term), ridge=RIDGE)
+    best, whole = trials[0], prepare(_without(pieces.all, current, term))
+    again = try_columns(whole, best.term.effect.id, shape_of(best.term), ridge=RIDGE)
     return None if objection(again.share, LEAST_CURVE_SHARE, room=True) else best
 
 
-def _still_needed(few: Sequence[Piece], current: Fit, term: ShapeTerm, alpha: float) -> bool:
+def _still_needed(few: Held[Piece], current: Fit, term: ShapeTerm, alpha: float) -> bool:
     """Whether an effect would be added to what else is there now."""
     without = prepare(_without(few, current, term))
-    trial = try_columns(without, term.effect.id, trial_columns(without, term))
+    trial = try_columns(without, term.effect.id, shape_of(term))
     return trial.single_p <= alpha and trial.share >= LEAST_SHAPE_SHARE and not unpaid_by(trial)
 
 
-def _without(few: Sequence[Piece], current: Fit, term: ShapeTerm) -> Fit:
+def _without(few: Held[Piece], current: Fit, term: ShapeTerm) -> Fit:
     return _with(few, current, replace(current.model, shapes=tuple(x for x in current.model.shapes if x is not term)))
 
 
-def _with(few: Sequence[Piece], current: Fit, model: Model) -> Fit:
+def _with(few: Held[Piece], current: Fit, model: Model) -> Fit:
     """Fit a model to few samples, weighted as they are in the current fit."""
     return fit(few, model, current.noise, passes=3, block=current.block)

@@ -1,37 +1,36 @@
 """Taking out what no longer pays beside the terms that were added after it; training runs only."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from rig.loop.fitting.fit import Fit, fit, refit
+from rig.loop.fitting.fit import Fit, Material, fit, refit
 from rig.loop.fitting.intervals import covariance, quantile
-from rig.loop.model.equations import Piece
+from rig.loop.fitting.normal import LinearPiece
 from rig.loop.model.terms import Line, TermClass
-from rig.loop.search.shape_trials import trial_columns
+from rig.loop.search.shape_trials import shape_of
 from rig.loop.search.trial import prepare, try_columns, try_line
 
 
-def withdraw(pieces: Sequence[Piece], current: Fit, alpha: float) -> Fit:
+def withdraw(pieces: Material, current: Fit, alpha: float) -> Fit:
     """Take out terms that no longer pay beside the others, or have moved onto another."""
     return _withdraw_lines(pieces, _withdraw_shapes(pieces, current, alpha), alpha)
 
 
-def _withdraw_shapes(pieces: Sequence[Piece], current: Fit, alpha: float) -> Fit:
+def _withdraw_shapes(pieces: Material, current: Fit, alpha: float) -> Fit:
     for kind in [term.kind for term in current.model.shapes]:
         here = next(x for x in current.model.shapes if x.kind == kind)
         shapes = tuple(x for x in current.model.shapes if x is not here)
-        without = fit(pieces, replace(current.model, shapes=shapes), current.noise, passes=3, block=current.block)
+        without = fit(pieces.all, replace(current.model, shapes=shapes), current.noise, passes=3, block=current.block)
         ground = prepare(without)
-        trial = try_columns(ground, here.effect.id, trial_columns(ground, here))
+        trial = try_columns(ground, here.effect.id, shape_of(here))
         if trial.single_p > alpha or trial.pays <= 0.0:
             current = refit(pieces, current, without.model)
     return current
 
 
-def _withdraw_lines(pieces: Sequence[Piece], current: Fit, alpha: float) -> Fit:
+def _withdraw_lines(pieces: Material, current: Fit, alpha: float) -> Fit:
     for line in sorted(current.model.lines, key=lambda line: line.amplitude):
         present = current.model.lines
         matches = [x for x in present if x.kind == line.kind and abs(x.order - line.order) < 1e-3 * line.order]
@@ -42,7 +41,7 @@ def _withdraw_lines(pieces: Sequence[Piece], current: Fit, alpha: float) -> Fit:
         near = any(
             x.kind == here.kind and abs(x.order - here.order) < 0.5 * _resolution(current, here.kind) for x in others
         )
-        without = fit(pieces, replace(current.model, lines=others), current.noise, passes=3, block=current.block)
+        without = fit(pieces.all, replace(current.model, lines=others), current.noise, passes=3, block=current.block)
         trial = try_line(prepare(without), here.kind, here.order)
         if near or trial.single_p > alpha or trial.pays <= 0.0 or _may_be_nothing(current, here):
             current = refit(pieces, current, without.model)
@@ -60,7 +59,12 @@ def _may_be_nothing(state: Fit, line: Line) -> bool:
 
 def _resolution(state: Fit, kind: TermClass) -> float:
     """Give the distance of orders that the travel of all runs can tell apart."""
-    angles = [item.evaluation.positions.get(kind.variable) for item in state.linear]
-    known = [angle for angle in angles if angle is not None]
-    travel = max(float(a.max()) for a in known) - min(float(a.min()) for a in known)
+    spans = [span for span in state.linear.map(extent, kind.variable) if span is not None]
+    travel = max(high for _, high in spans) - min(low for low, _ in spans)
     return 2.0 * math.pi / max(travel, 1e-9)
+
+
+def extent(item: LinearPiece, variable: str) -> tuple[float, float] | None:
+    """Give the least and the largest angle of a piece, rad; None where it is not known."""
+    angle = item.evaluation.positions.get(variable)
+    return None if angle is None else (float(angle.min()), float(angle.max()))

@@ -15,7 +15,7 @@ from rig.loop.model.parameters import flexspline_entries
 from rig.loop.result import EquationResult, Json, Open, Verdict
 from rig.loop.search.acceptance import LEAST_IMPROVED
 from rig.loop.search.decision import Selection
-from rig.loop.search.select import LEAST_SLOPE, QUOTIENT
+from rig.loop.search.groups import LEAST_SLOPE, QUOTIENT
 from rig.loop.statements.evidence import Memory, Repeats, memory, repeats
 from rig.loop.statements.metrics import LEAST_DWELL, Residual, dwell_of, quantisation_square
 from rig.loop.statements.report_steps import base_estimates
@@ -252,7 +252,7 @@ def _absorbed(selection: Selection, dut: Dut) -> list[Open]:
     if gear.K1 is None or gear.K2 is None or gear.T1 is None or gear.T2 is None:
         return []
     # without a sweep of the torque its noise is all that tells of the stiffness
-    swept = any(i.piece.equation is Equation.TORSION and not i.piece.track.moves for i in selection.fit.linear)
+    swept = any(item.equation is Equation.TORSION and not item.moves for item in selection.fit.about)
     stiffness = flexspline_entries(gear, selection.fit.model.table.law)[0]
     estimate = base_estimates(selection.fit).get(stiffness.name)
     if not swept or estimate is None or estimate.ci95 is None:

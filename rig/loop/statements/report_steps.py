@@ -10,6 +10,7 @@ from rig.config.dut import Dut
 from rig.loop.files.model_file import BASE_MODELS, Model, ModelBase, ModelEffect, ModelEstimate, ModelLine
 from rig.loop.fitting.fit import Fit
 from rig.loop.fitting.intervals import covariance, quantile
+from rig.loop.fitting.normal import LinearPiece
 from rig.loop.model.equations import Equation
 from rig.loop.model.frames import turned, turned_shape, wrapped
 from rig.loop.model.shapes import ShapeTerm
@@ -69,7 +70,7 @@ def steps_of(
 
 def primary_equation(decision: Decision, final: Fit) -> Equation:
     """Give the equation in which the term is reported: the one of its balance that the logs allow."""
-    present = {item.piece.equation for item in final.linear}
+    present = {item.equation for item in final.about}
     wanted = decision.kind.equation
     if wanted in present:
         return wanted
@@ -88,13 +89,20 @@ def _index_error(final: Fit, line: Line, dut: Dut) -> tuple[float, float]:
     if line.kind.variable == "time":
         return 0.0, 0.0
     counts = dut.motor.encoder_counts if line.kind.variable == "motor_position" else dut.output.encoder_counts
-    angles = {item.piece.track.name: item.evaluation.positions.get(line.kind.variable) for item in final.linear}
-    known = [angle for angle in angles.values() if angle is not None]
+    seen = zip(final.about, final.linear.map(_moments, line.kind.variable), strict=True)
+    known = {about.run: moments for about, moments in seen if moments is not None}
     if counts is None or not known:
         return 0.0, 0.0
-    spread = max(float(np.std(np.concatenate(known))), 1e-9)
+    total, angles, squares = np.sum(list(known.values()), axis=0)
+    spread = max(math.sqrt(max(squares / total - (angles / total) ** 2, 0.0)), 1e-9)
     count = line.order * 2.0 * math.pi / counts / math.sqrt(12.0)
     return count, count / math.sqrt(len(known)) / spread
+
+
+def _moments(item: LinearPiece, variable: str) -> tuple[float, float, float] | None:
+    """Give how many values of an angle a piece has, their sum and the sum of their squares."""
+    angle = item.evaluation.positions.get(variable)
+    return None if angle is None else (float(angle.size), float(angle.sum()), float(angle @ angle))
 
 
 def line_estimates(
@@ -171,7 +179,7 @@ def shifts(base: Fit, final: Fit) -> dict[str, Shift]:
 
 def model_of(final: Fit, steps: Sequence[Step], enters: Sequence[str], dut: Dut, software: str) -> Model:
     """Give the content of `model.json`."""
-    runs = tuple(dict.fromkeys(item.piece.track.name for item in final.linear))
+    runs = final.normal.runs
     parameters = {name: _as_model(value) for name, value in base_estimates(final).items()}
     effects = tuple(
         ModelEffect(

@@ -20,8 +20,8 @@ from rig.loop.fitting.normal import LinearPiece, linearise
 from rig.loop.model.equations import pieces_of
 from rig.loop.model.shapes import ShapeTerm, catalogue_shapes
 from rig.loop.model.terms import TermClass, periodic_effects
-from rig.loop.search.shape_trials import trial_columns
-from rig.loop.search.trial import line_columns, prepare
+from rig.loop.search.shape_trials import shape_of
+from rig.loop.search.trial import line_columns
 from rig.loop.signals.tracks import make_track, thin_track
 from rig.loop.trace import known_parameters
 from sim_backend.model.effects import Effect
@@ -127,8 +127,8 @@ def prepare_columns(base: Fit, runs: Sequence[Run], held_out: Sequence[str], dut
     terms, lines = _shapes(known), _lines()
     out = [thin_track(make_track(run, dut)) for run in runs if run.name in held_out]
     pieces = [piece for track in out for piece in pieces_of(track, base.model.ratio)]
-    linear = tuple(linearise(pieces, base.model, base.columns, base.noise, base.block))
-    train, checked = (_rows(replace(base, linear=some), terms, lines) for some in (base.linear, linear))
+    linear = linearise(pieces, base.model, base.columns, base.noise, base.block)
+    train, checked = (_rows(some, terms, lines) for some in (base.linear.gather(), linear))
     J, C, r = (
         np.concatenate([rows.weight * getattr(rows, name) for rows in train])
         for name in ("base", "columns", "residual")
@@ -148,15 +148,13 @@ def prepare_columns(base: Fit, runs: Sequence[Run], held_out: Sequence[str], dut
     return Prepared(task, fewer, shift, absorbed[:, kept], noise / spread)
 
 
-def _rows(fit: Fit, terms: Sequence[ShapeTerm], lines: Sequence[tuple[TermClass, float]]) -> list[_Rows]:
-    ground = prepare(fit)
-    by_term = [trial_columns(ground, term) for term in terms]
+def _rows(
+    linear: Sequence[LinearPiece], terms: Sequence[ShapeTerm], lines: Sequence[tuple[TermClass, float]]
+) -> list[_Rows]:
     found = []
-    for k, item in enumerate(fit.linear):
+    for item in linear:
         step = max(1, round(item.residual.size / max(RATE * float(np.ptp(_times(item))), 1.0)))
-        blocks = [
-            _filled(of_term[k], item, len(term.effect.amplitudes)) for term, of_term in zip(terms, by_term, strict=True)
-        ]
+        blocks = [_filled(shape_of(term)(item), item, len(term.effect.amplitudes)) for term in terms]
         blocks += [_filled(line_columns(item, kind, order), item, 2) for kind, order in lines]
         columns = np.column_stack(blocks)[::step]
         piece = item.piece

@@ -1,0 +1,82 @@
+"""The lines that the residual proposes: classes at the peaks of its spectra, with their orders refined."""
+
+import functools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rig.loop.model.terms import Line, TermClass
+from rig.loop.search.aliases import aliases, likeliest, samplings
+from rig.loop.search.decision import Unadded
+from rig.loop.search.groups import SET_SHARE
+from rig.loop.search.lines import USUAL_HIGHEST_ORDER, refine
+from rig.loop.search.proposals import Proposal, propose
+from rig.loop.search.trial import Ground, Trial, gains, line_at, try_line
+
+STANDS_OUT = 30.0
+"""Power over the median of the neighbourhood of a line that is looked at however little it explains."""
+
+
+@dataclass(frozen=True, slots=True)
+class LineCandidate:
+    """A proposal with its order refined, how it fares, and among how many tests it was found."""
+
+    trial: Trial
+    proposal: Proposal
+    tests: float
+
+    @property
+    def p_value(self) -> float:
+        """The chance that noise alone would pass for it, counting all tests."""
+        return min(1.0, self.trial.single_p * self.tests)
+
+    @property
+    def line(self) -> Line:
+        """The line with the amplitudes of its trial."""
+        sine, cosine = self.trial.amplitudes.tolist()
+        return Line(self.proposal.kind, self.proposal.order, sine, cosine)
+
+    def unadded(self, p_value: float, why: str) -> Unadded:
+        """Give what is told of it where it is not added."""
+        amplitude = float(np.hypot(*self.trial.amplitudes))
+        return Unadded(self.proposal.kind, self.proposal.order, amplitude, p_value, self.trial.share, why)
+
+
+def line_candidates(ground: Ground, known: Mapping[str, float]) -> list[LineCandidate]:
+    """Give everything that the residual proposes, its order refined, best first."""
+    proposals, free_tests, fixed_tests = propose(ground, known)
+    gained = gains(ground, [line_at(p.kind, p.order) for p in proposals])
+    scored = sorted(zip(gained, proposals, strict=True), key=lambda pair: -pair[0])
+    sampled = {variable: samplings(ground.fit.linear, variable) for variable in {p.kind.variable for p in proposals}}
+    found: list[LineCandidate] = []
+    for rank, (gain, proposal) in enumerate(scored):
+        weak = rank >= 8 or (bool(found) and gain < 0.3 * max(candidate.trial.gain for candidate in found))
+        if weak and proposal.height < STANDS_OUT:
+            continue
+        order, tests = proposal.kind.fixed_order, fixed_tests
+        if order is None:
+            gain_at = functools.partial(_gains_at, ground, proposal.kind)
+            order, tests = refine(gain_at, proposal.order, proposal.resolution), free_tests
+            legs = sampled[proposal.kind.variable]
+            chosen = likeliest(order, aliases(order, USUAL_HIGHEST_ORDER, legs), legs)
+            if chosen != order:
+                at_chosen, at_order = gain_at((chosen, order))
+                order = refine(gain_at, chosen, proposal.resolution) if at_chosen >= SET_SHARE * at_order else order
+        trial = try_line(ground, proposal.kind, order)
+        found.append(LineCandidate(trial, replace(proposal, order=order), tests))
+    return sorted(found, key=lambda candidate: -candidate.trial.gain)
+
+
+def _gains_at(ground: Ground, kind: TermClass, orders: Sequence[float]) -> list[float]:
+    return gains(ground, [line_at(kind, order) for order in orders])
+
+
+def best_of_classes(lines: Sequence[LineCandidate]) -> list[Trial]:
+    """Give the best trial of every catalogue class of lines."""
+    best: dict[str, Trial] = {}
+    for candidate in lines:
+        effect = candidate.proposal.kind.effect
+        if effect is not None and candidate.trial.gain > best.get(effect, candidate.trial).gain * (effect in best):
+            best[effect] = candidate.trial
+    return list(best.values())

@@ -1,0 +1,41 @@
+"""Choosing where the runs are worked on: here if there are few samples, else in processes, or on a cluster."""
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TypeVar
+
+from rig.loop.workers.held import Held, Here
+
+T = TypeVar("T")
+
+WORTH_A_PROCESS = 30_000
+"""Samples from which on a process of its own pays."""
+
+
+@contextmanager
+def hold(items: Sequence[T], samples: Sequence[int], scheduler: str | None = None) -> Iterator[Held[T]]:
+    """Hold items of so many samples each where they are worked on, until the context ends.
+
+    `scheduler`: address of a Dask scheduler; None: this machine, with no more processes than it has cores to give.
+    Raises ConfigError where the scheduler is of no use.
+    """
+    if scheduler is not None:
+        from rig.loop.workers.cluster import Cluster
+
+        with Cluster(scheduler) as cluster:
+            yield cluster.hold(items, samples)
+        return
+    count = min(cores(), len(items), round(sum(samples) / WORTH_A_PROCESS))
+    if count < 2:
+        yield Here(items)
+        return
+    from rig.loop.workers.processes import Processes
+
+    with Processes(items, samples, count) as pool:
+        yield pool.items
+
+
+def cores() -> int:
+    """Give the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
