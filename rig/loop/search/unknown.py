@@ -243,8 +243,14 @@ def _best_curve(
     trials = curve_trials(sparse, known)
     taken = {term.effect.id for term in current.model.shapes}
     fresh = [item for item in trials if item.term.effect.id not in taken and _may_be_added(item, alpha)]
+    if not fresh:
+        return None
+    whole = prepare(current)
     for candidate in by_joint_fit(pieces.few, sparse, fresh, alpha)[:2]:
         term, p_value = candidate.term, min(1.0, candidate.trial.single_p * candidate.tests)
+        first = try_columns(whole, term.effect.id, shape_of(term), ridge=RIDGE)
+        if objection(first.share, LEAST_CURVE_SHARE, room=True):
+            continue
         joint = refit(pieces, current, replace(current.model, shapes=(*current.model.shapes, term)))
         again = prepare(with_noise(current, joint.noise))
         second = try_columns(again, term.effect.id, shape_of(term), ridge=RIDGE)
