@@ -1,4 +1,4 @@
-"""The verdict `uncontrolled` on whole campaigns of the independent generator."""
+"""The verdict `uncontrolled` and the refusal of leaks on whole campaigns of the independent generator."""
 
 import json
 import math
@@ -7,15 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from drivers.errors import DataError
 from rig.loop.campaign import LoopOptions
 from rig.loop.result import Verdict
+from rig.loop.statements.metrics import floor_of, residual_of
+from rig.loop.statements.open_statements import ABOVE_FLOOR
 from rig.loop.table import statements
 from rig.loop.trace import trace
 from tests.independent.campaign import held_out
 from tests.independent.instruments import NoiseKind
 from tests.independent.terms import Effects, term
 from tests.rig.loop.runs import as_run, dut
-from tests.rig.loop.statements.left import changed, recorded
+from tests.rig.loop.statements.left import by_place, changed, left_of, recorded
 
 COUNT = 2.0 * math.pi / 16384
 """Of the motor's encoder, rad at the motor."""
@@ -78,3 +81,31 @@ def test_events_without_a_replicate_are_still_told_and_what_is_missing_with_them
     assert told
     assert all("no run was repeated" in item.evidence["meaning"] for item in told)
     assert all(item.next_experiment.command.endswith("--repeat 2") for item in told)
+
+
+@pytest.mark.parametrize("noise", [NoiseKind.WHITE, NoiseKind.AR1])
+def test_a_model_that_knows_noise_of_runs_it_has_not_seen_is_refused(noise, monkeypatch):
+    """A channel that is predicted leaks into a regressor: of the noise of the held-out torques 60 % are left."""
+    made = recorded(22, noise)
+    out = held_out(made)
+
+    def leaking(piece, model, judge=None):
+        found = residual_of(piece, model, judge)
+        knows = piece.track.name in out and piece.equation.value == "motor-torque"
+        return replace(found, values=0.6 * found.values) if knows else found
+
+    monkeypatch.setattr("rig.loop.trace.residual_of", leaking)
+    with pytest.raises(DataError, match=r"error of motor-torque after the fit is .* below the floor") as refused:
+        trace([as_run(item) for item in made], dut(), LoopOptions(held_out=out))
+    assert "leak" in str(refused.value)
+
+
+@pytest.mark.parametrize("noise", list(NoiseKind))
+def test_a_floor_from_few_replicates_holds_for_noise_of_any_colour(noise):
+    """Each run in turn stands for one that was held out; the floor comes from one or two pairs."""
+    residuals, model = left_of(recorded(23, noise))
+    for members in by_place(residuals).values():
+        for held in members:
+            floor = floor_of([held], members, dut(), model)
+            rms = float(np.sqrt(np.mean(held.values**2)))
+            assert floor.low < rms < ABOVE_FLOOR * floor.high, held.piece.track.name
