@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.config.dut import Dut
+from rig.loop.fitting.normal import correlation_length
 from rig.loop.model.equations import Equation, Piece, target_of
 from rig.loop.model.prediction import Model, predict
 from rig.loop.result import Errors
@@ -180,7 +181,9 @@ def _from_replicates(found: Sequence[tuple[Residual, Residual]], wanted: Sequenc
     squares = np.concatenate(blocks)
     mean_square = float(squares.mean())
     between = np.array([block.mean() for block in blocks])
-    spread = 1.96 * float(squares.std(ddof=1)) / math.sqrt(squares.size) if squares.size > 1 else mean_square
+    # a stretch in which one run goes another way counts once, however many blocks it has
+    independent = squares.size / max(correlation_length(squares), 1.0) if squares.size > 1 else 1.0
+    spread = 1.96 * float(squares.std(ddof=1)) / math.sqrt(independent) if squares.size > 1 else mean_square
     if between.size > 1:
         spread = max(spread, 1.96 * float(between.std(ddof=1)) / math.sqrt(between.size))
     # counts beat with the sampling, so that the fast part of an angle says nothing about its size
