@@ -36,7 +36,7 @@ class Verdict(StrEnum):
 
 MEANINGS: Mapping[Verdict, str] = MappingProxyType(
     {
-        Verdict.UNCONTROLLED: "reserved for single events that do not repeat; not given yet, they are `untraced`",
+        Verdict.UNCONTROLLED: "it does not repeat: events, or something that is not held and not in the model",
         Verdict.UNTRACED: "what is left has structure, but no term passes the tests, or nothing tells it from noise",
         Verdict.AMBIGUOUS: "several effects explain it equally: the ambiguous set",
         Verdict.UNNAMED: "it repeats, and on what it depends and how is known, but no effect of the catalogue fits",

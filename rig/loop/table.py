@@ -61,6 +61,10 @@ def text_of(result: LoopResult) -> str:
     return "\n".join(lines).rstrip() + "\n"
 
 
+MOST_LISTED = 6
+"""Events and the like that a line of text lists; all are in `loop.json`."""
+
+
 def headline(result: LoopResult) -> str:
     """Say the verdict with its meaning, from how many runs, and what was added."""
     held = f"{len(result.train)} runs fitted, {len(result.held_out)} held out"
@@ -160,6 +164,9 @@ def _row(name: str, unit: str, errors: Errors) -> tuple[str, ...]:
 
 
 def _short(value: object) -> str:
+    if isinstance(value, Mapping):
+        return " ".join(f"{key} {_short(part)}" for key, part in value.items())
     if isinstance(value, list | tuple):
-        return " | ".join(map(str, value))
+        more = [f"and {len(value) - MOST_LISTED} more"] if len(value) > MOST_LISTED else []
+        return " | ".join([*map(_short, value[:MOST_LISTED]), *more])
     return f"{value:.3g}" if isinstance(value, float) else str(value)

@@ -37,6 +37,7 @@ from rig.loop.search.lines import USUAL_HIGHEST_ORDER
 from rig.loop.search.select import select
 from rig.loop.signals.checks import check_gear, check_magnitudes, check_signs
 from rig.loop.signals.tracks import Track, make_track, thin_track
+from rig.loop.statements.events import events_of, without_events
 from rig.loop.statements.metrics import Floor, Residual, errors, floor_of, pooled, residual_of
 from rig.loop.statements.open_statements import open_statements
 from rig.loop.statements.report_steps import model_of, steps_of
@@ -343,7 +344,10 @@ def _equations(sides: dict[str, list[_BeforeAfter]], dut: Dut, model: Model) -> 
     for equation in Equation:
         if not any(pair.after.piece.equation is equation for pair in known):
             continue
-        replicates = [pair.after for pair in known if pair.after.piece.equation is equation]
+        recorded = [pair.after for pair in known if pair.after.piece.equation is equation]
+        # steps at single moments are no noise: with them in it the floor is too high
+        steps = events_of(recorded, dut, model)
+        replicates = [without_events(residual, some) for residual, some in zip(recorded, steps, strict=True)]
         results = {}
         for side, pairs in sides.items():
             own = [pair for pair in pairs if pair.after.piece.equation is equation]

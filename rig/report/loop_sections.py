@@ -224,7 +224,7 @@ def _words(value: JsonValue) -> str:
     if isinstance(value, float):
         return f"{value:.4g}"
     if isinstance(value, list):
-        return ", ".join(_words(part) for part in value)
+        return ("; " if any(isinstance(part, dict) for part in value) else ", ").join(map(_words, value))
     if isinstance(value, dict):
         return ", ".join(f"{key}: {_words(part)}" for key, part in value.items())
     return UNKNOWN if value is None else str(value)

@@ -56,7 +56,10 @@ def _finding(loop: LoopFile) -> str:
             return "Nothing is missing as far as these runs tell: what is left is noise"
         case "absorbed":
             return _absorbed(loop)
-        case "untraced" | "uncontrolled":
+        case "uncontrolled":
+            left = listed(_open_equations(loop)) or "the error"
+            return f"What is left of {left} does not repeat: single events, or something that is not held"
+        case "untraced":
             found = f", after adding {listed(added)}," if added else ""
             return (
                 f"What is left of {listed(_open_equations(loop)) or 'the error'}{found} could not be traced to a cause"

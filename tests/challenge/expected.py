@@ -17,9 +17,6 @@ COMPANIONS: Mapping[str, frozenset[str]] = MappingProxyType(
 )
 """What may be added besides: a drifting transducer that was tared at 20 degC is, at the catalogue's 25, also offset."""
 
-SILENT = ("uncontrolled", "untraced")
-"""Verdicts that are right for an event, of which nothing can be added."""
-
 
 @dataclass(frozen=True, slots=True)
 class Expected:

@@ -73,7 +73,7 @@ def naming_of(expected: Expected, answer: Answer) -> tuple[str, list[str]]:
     if not names:
         return (RIGHT if not added and answer["verdict"] == "none" else WRONG), []
     if expected.nothing_added:
-        silent = not added and any(item["verdict"] in ("uncontrolled", "untraced") for item in answer["open"])
+        silent = not added and any(item["verdict"] == "uncontrolled" for item in answer["open"])
         return (RIGHT if silent else MISSED if not added else WRONG), []
     found = sorted(name for name in names if any(name in members for members in added))
     others = [members for members in added if not members & (names | expected.companions)]

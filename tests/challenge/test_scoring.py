@@ -84,12 +84,14 @@ def test_a_drifting_transducer_may_be_offset_too():
     assert called(case_with("torque-sensor-gain"), answer(step("torque-sensor-offset"))) == "wrong"
 
 
-def test_of_missed_counts_nothing_may_be_added_but_something_must_be_said():
+def test_of_missed_counts_nothing_may_be_added_and_it_must_be_said_that_they_do_not_repeat():
     case = case_with("encoder-missed-counts")
     assert called(case, answer(verdict="uncontrolled", statements=[("uncontrolled", [])])) == "right"
-    assert called(case, answer(verdict="untraced", statements=[("untraced", [])])) == "right"
+    both = [("uncontrolled", []), ("untraced", [])]
+    assert called(case, answer(verdict="uncontrolled", statements=both)) == "right"
+    assert called(case, answer(verdict="untraced", statements=[("untraced", [])])) == "missed"
     assert called(case, answer()) == "missed"
-    assert called(case, answer(step("backlash"), statements=[("untraced", [])])) == "wrong"
+    assert called(case, answer(step("backlash"), statements=[("uncontrolled", [])])) == "wrong"
 
 
 def test_silence_is_right_only_where_nothing_is_hidden_and_a_claim_is_a_false_alarm():

@@ -164,6 +164,8 @@ def _of_open(
         return _told(item.group, found, chosen, bench, None)
     if item.group:
         return NextExperiment(_too_little(item.group), "")
+    if item.verdict is Verdict.UNCONTROLLED:
+        return _odd_again(item, runs, bench)
     repeating = float(str(item.evidence.get("replicate_pairs") or 0)) > 0
     procedures = [str(item.evidence["procedure"])] if "procedure" in item.evidence else [run.procedure for run in runs]
     names = [name for name in dict.fromkeys(procedures) if name in PROCEDURES and name != ProcedureName.STARTING_TORQUE]
@@ -233,6 +235,18 @@ def _again(procedures: Sequence[str], runs: Sequence[Run], bench: Bench | None) 
         settings = _as_recorded(procedures[0], runs)
         return _timed(why, procedures[0], settings, bench, repeat=2)
     return NextExperiment(why, f"rig run {' '.join(procedures)} --repeat 2")
+
+
+def _odd_again(item: Open, runs: Sequence[Run], bench: Bench | None) -> NextExperiment | None:
+    """Repeat the odd run as it was recorded; without one, what did not repeat."""
+    procedure, odd = str(item.evidence.get("procedure")), item.evidence.get("odd_runs")
+    names = [str(name) for name in odd] if isinstance(odd, Sequence) and not isinstance(odd, str) else []
+    chosen = [run for run in runs if run.name in names[:1]] or [run for run in runs if run.procedure == procedure]
+    which = f"{names[0]} is the odd one" if names else "Its replicates differ"
+    others = f" (of {len(names)})" if len(names) > 1 else ""
+    look = "the encoder's cable and coupling" if item.evidence.get("events") else "what may have changed between runs"
+    why = f"{which}{others}: repeat it. What comes again is no event; what does not asks for a look at {look}."
+    return _timed(why, procedure, _as_recorded(procedure, chosen), bench, repeat=2)
 
 
 def _timed(

@@ -95,7 +95,8 @@ def distinct_readings(piece: Piece) -> Piece:
         return piece
     edges = np.flatnonzero(np.abs(np.diff(piece.target)) > SAME_READING) + 1
     bounds = np.concatenate([[0], edges, [piece.target.size]])
-    middle = (bounds[:-1] + bounds[1:] - 1) // 2
+    # of an even number of samples the earlier and the later middle in turn: always one of them would be a delay
+    middle = (bounds[:-1] + bounds[1:] - 1 + np.arange(bounds.size - 1) % 2) // 2
     if middle.size < FEWEST_SAMPLES:
         return piece
     return replace(piece, index=piece.index[middle], target=piece.target[middle])

@@ -5,6 +5,7 @@ past a corner sets it for good; what rings answers to the corners. Where the who
 noise, that is what they get.
 """
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -24,6 +25,10 @@ BENT = 6.0
 """Standard deviations that the slope must change by at a knot, or it is none."""
 
 MOST_KNOTS = 200
+
+LONGEST_ARC = 3
+"""Bends in a row to the same side of a polyline in a noise that remembers: such a noise hides how far the chords of a
+curve miss it. A ramp, a hold and the way back are two."""
 
 SHORTEST = 1.0
 """s that a straight piece lasts on average at least; what bends more often is no polyline."""
@@ -85,10 +90,11 @@ def polyline(values: Floats, side: int, period: float) -> Floats | None:
         if found is None:
             return None
         line, few = found.at(values.size), found.knots.size <= most
+        curved = memory > 0.0 and _longest_arc(found) > LONGEST_ARC
         rest = values - line
         if not memory:
             break
-    good = few and _is_noise(rest, noise, memory, block)
+    good = few and not curved and _is_noise(rest, noise, memory, block)
     return line if good and np.abs(line - smoothed).max() <= FARTHEST * tolerance.max() else None
 
 
@@ -107,6 +113,12 @@ def _found(
             break
         found = _pruned(values, np.sort(np.append(found.knots, further)), noise, memory)
     return found
+
+
+def _longest_arc(line: Polyline) -> int:
+    """Give how many bends in a row turn to the same side."""
+    sides = np.sign(np.diff(np.diff(line.heights) / np.diff(line.knots)))
+    return max((len(list(same)) for _, same in itertools.groupby(sides.tolist())), default=0)
 
 
 def _is_noise(rest: Floats, noise: Floats, memory: float, block: int) -> bool:

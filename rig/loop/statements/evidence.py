@@ -14,17 +14,22 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from rig.config.dut import Dut
-from rig.loop.model.equations import Law, Piece, target_of
-from rig.loop.statements.metrics import Residual, aligned, dwell_of, pairs, quantisation_square
+from rig.loop.model.equations import Law, Piece
+from rig.loop.model.prediction import Model
+from rig.loop.statements.colour import SMOOTHING, means, slow_noise, slow_square
+from rig.loop.statements.metrics import Residual, aligned, pairs, quantisation_square
 
 Floats = NDArray[np.float64]
-
-SMOOTHING = 0.5
-"""s."""
 
 NOISE_RHO = 0.15
 EXCESS = 1.1
 """Repeatable residual counts if the rms exceeds the floor by this factor."""
+
+UNSTEADY = 1.8
+"""Times by which the slow part that runs of a pair do not share must exceed what noise of the dwells' colour leaves."""
+
+ODD = 2.0
+"""Times the slow squares of its replicate that those of an odd run are at least."""
 
 STANDS = 1e-3
 """rad that a motor that stands travels in a second at most."""
@@ -40,7 +45,9 @@ class Repeats:
 
     `rho`: mean correlation of smoothed residuals; `least_rho`: what noise may reach; `common`: mean square of what
     the runs of a pair share, `own` of what they do not; `allowance`: mean square of what instruments leave that may
-    repeat as well; `ljung_box`: statistic per lag at 10 Hz.
+    repeat as well; `own_slow`: mean square of the slow part that the runs do not share, `noise` what noise leaves of
+    it, None without a dwell that tells its colour; `odd`: runs that leave much more than their replicate;
+    `ljung_box`: statistic per lag at 10 Hz.
     """
 
     equation: str
@@ -51,6 +58,9 @@ class Repeats:
     common: float
     own: float
     allowance: float
+    own_slow: float
+    noise: float | None
+    odd: tuple[str, ...]
     ljung_box: float
 
     @property
@@ -59,35 +69,52 @@ class Repeats:
         material = self.common > max((EXCESS**2 - 1.0) * self.own, EXCESS**2 * self.allowance)
         return self.rho > max(NOISE_RHO, self.least_rho) and material
 
+    @property
+    def unsteady(self) -> bool:
+        """Whether the larger part is there, does not repeat, and is no noise of the dwells' colour."""
+        return self.noise is not None and self.own_slow > max(UNSTEADY**2 * self.noise, self.common)
 
-def repeats(residuals: Sequence[Residual], dut: Dut, ratio: float | None) -> Repeats | None:
+
+def repeats(residuals: Sequence[Residual], dut: Dut, model: Model) -> Repeats | None:
     """Judge the residuals of one equation and procedure; None without a replicate pair."""
-    rhos, squares, differences, lengths, boxes = [], [], [], [], []
+    rhos, squares, differences, slow, lengths, boxes = [], [], [], [], [], []
+    used: list[Residual] = []
+    odd: list[str] = []
     for one, two in pairs(residuals):
         time, a, b = aligned(one, two)
         if time.size < 50 or not np.any(a) or not np.any(b):
             continue
-        window = max(1, round(SMOOTHING / one.piece.track.period))
+        period = one.piece.track.period
+        window = max(1, round(SMOOTHING / period))
         x, y = uniform_filter1d(a, window), uniform_filter1d(b, window)
         x, y = x - x.mean(), y - y.mean()
         rhos.append(float(x @ y / math.sqrt(float(x @ x) * float(y @ y))))
         squares.append(float(np.mean(a**2) + np.mean(b**2)) / 2.0)
         differences.append(float(np.mean((a - b) ** 2)) / 2.0)
+        apart = means(a - b, period)
+        slow.append(float(np.mean((apart - apart.mean() if one.piece.demeaned else apart) ** 2)) / 2.0)
         lengths.append(time.size / window)
         boxes += [ljung_box(one), ljung_box(two)]
+        used += [one, two]
+        sizes = slow_square(one), slow_square(two)
+        if max(sizes) > ODD * min(sizes):
+            odd.append((one, two)[int(np.argmax(sizes))].piece.track.name)
     if not rhos:
         return None
-    piece = residuals[0].piece
-    track = piece.track
+    allowance = _allowance(residuals[0].piece, dut, model.ratio)
+    noise = slow_noise(used, dut, model)
     return Repeats(
         equation=residuals[0].piece.equation.value,
-        procedure=track.procedure.value,
+        procedure=residuals[0].piece.track.procedure.value,
         pairs=len(rhos),
         rho=float(np.mean(rhos)),
         least_rho=3.0 / math.sqrt(sum(lengths)),
         common=max(float(np.mean(squares)) - float(np.mean(differences)), 0.0),
         own=float(np.mean(differences)),
-        allowance=_allowance(piece, dut, ratio),
+        allowance=allowance,
+        own_slow=float(np.mean(slow)),
+        noise=noise.square if noise.dwells else None,
+        odd=tuple(odd),
         ljung_box=float(np.mean(boxes)),
     )
 
@@ -96,66 +123,49 @@ REMEMBERS = 10.0
 """Ljung-Box statistic per lag above which a residual without replicates is no white noise."""
 
 QUIETER = 1.5
-"""Times by which the slow part of a residual must exceed that of the dwells."""
+"""Times by which the slow part of a residual must exceed what noise of the dwells' colour leaves."""
 
 
 @dataclass(frozen=True, slots=True)
 class Memory:
     """What runs without a replicate tell of one equation and procedure.
 
-    `slow`: rms of the residual's means over 0.5 s, and `dwell` the same of the quiet dwells (None: no dwell), both in
-    the equation's unit; `allowance`: rms of the slow part that noise without memory and counts leave; `ljung_box`:
-    statistic per lag at 10 Hz.
+    `slow`: rms of the residual's means over 0.5 s, in the equation's unit; `noise`: what noise and counts leave in
+    it, of the colour that the dwells have, of none where there is no dwell (`dwells`); `ljung_box`: statistic per lag
+    at 10 Hz.
     """
 
     equation: str
     procedure: str
     runs: int
     slow: float
-    dwell: float | None
-    allowance: float
+    noise: float
+    dwells: bool
     ljung_box: float
 
     @property
     def structured(self) -> bool:
         """Whether the residual remembers more than its dwells, or at all where there is no dwell."""
-        quiet = 0.0 if self.dwell is None else QUIETER * self.dwell
-        return self.ljung_box > REMEMBERS and self.slow > max(quiet, EXCESS * self.allowance)
+        return self.ljung_box > REMEMBERS and self.slow > (QUIETER if self.dwells else EXCESS) * self.noise
 
 
-def memory(residuals: Sequence[Residual], dut: Dut, ratio: float | None) -> Memory | None:
+def memory(residuals: Sequence[Residual], dut: Dut, model: Model) -> Memory | None:
     """Judge the residuals of one equation and procedure that has no replicates; None without enough samples."""
     long = [residual for residual in residuals if residual.values.size * residual.piece.track.period > 10 * SMOOTHING]
     if not long:
         return None
     piece = long[0].piece
-    window = max(1, round(SMOOTHING / piece.track.period))
-    fast = float(np.mean([residual.fast**2 for residual in long]))
-    quiet = [means for item in long if (means := _dwell_means(item.piece, ratio)) is not None]
+    noise = slow_noise(long, dut, model)
+    slow = np.concatenate([means(residual.values, residual.piece.track.period) for residual in long])
     return Memory(
         equation=piece.equation.value,
         procedure=piece.track.procedure.value,
         runs=len(long),
-        slow=math.sqrt(float(np.mean(np.concatenate([_means(r.values, r.piece) for r in long]) ** 2))),
-        dwell=math.sqrt(float(np.mean(np.concatenate(quiet) ** 2))) if quiet else None,
-        allowance=math.sqrt(fast / window + _allowance(piece, dut, ratio)),
+        slow=math.sqrt(float(np.mean(slow**2))),
+        noise=math.sqrt(noise.square + _allowance(piece, dut, model.ratio)),
+        dwells=noise.dwells,
         ljung_box=float(np.mean([ljung_box(residual) for residual in long])),
     )
-
-
-def _means(values: Floats, piece: Piece) -> Floats:
-    """Give the means of `values` over `SMOOTHING`."""
-    window = max(1, round(SMOOTHING / piece.track.period))
-    count = values.size // window
-    return np.asarray(values[: count * window].reshape(count, window).mean(axis=1))
-
-
-def _dwell_means(piece: Piece, ratio: float | None) -> Floats | None:
-    quiet = dwell_of(piece)
-    if quiet is None:
-        return None
-    values = target_of(piece, ratio)[quiet]
-    return _means(values - values.mean(), piece)
 
 
 def _allowance(piece: Piece, dut: Dut, ratio: float | None) -> float:

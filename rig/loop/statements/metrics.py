@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.config.dut import Dut
+from rig.loop.fitting.normal import correlation_length
 from rig.loop.model.equations import Equation, Piece, target_of
 from rig.loop.model.prediction import Model, predict
 from rig.loop.result import Errors
@@ -30,6 +31,9 @@ LEAST_SPREAD = 0.05
 ONE_PAIR_SPREAD = 0.15
 """Relative half width of a floor from replicates at least, and from one pair: the noise of a few runs is not that of
 all runs."""
+
+ALL_NOISE = 1.1
+"""Times the fast part of a residual up to which that of what was measured is noise, too."""
 
 COMPUTED_SPREAD = 0.25
 """Relative half width of a computed floor: quantisation is not quite uniform, a dwell is not quite a sweep."""
@@ -58,6 +62,12 @@ class Residual:
         if self.values.size < 3:
             return 0.0
         step = np.diff(self.values)[np.diff(self.time) < 1.5 * self.piece.track.period]
+        return float(np.sqrt(np.mean(step**2) / 2.0)) if step.size else 0.0
+
+    @property
+    def fast_of_target(self) -> float:
+        """Give the same of what was measured, whatever the model makes of it."""
+        step = np.diff(self.piece.target)[np.diff(self.piece.index) == 1]
         return float(np.sqrt(np.mean(step**2) / 2.0)) if step.size else 0.0
 
 
@@ -152,7 +162,7 @@ def _rms(values: Floats) -> float:
 
 def _from_replicates(found: Sequence[tuple[Residual, Residual]], wanted: Sequence[Residual]) -> Floor | None:
     blocks: list[Floats] = []
-    fast = []
+    replicates: list[Residual] = []
     for one, two in found:
         time, a, b = aligned(one, two)
         if time.size < 20:
@@ -165,26 +175,43 @@ def _from_replicates(found: Sequence[tuple[Residual, Residual]], wanted: Sequenc
             max(float(np.mean(difference**2)) / float(np.mean(a**2 + b**2)), 1.0) if np.any(a) or np.any(b) else 1.0
         )
         blocks.append(np.add.reduceat(difference**2 / (2.0 * excess), starts) / counts)
-        fast += [one.fast, two.fast]
+        replicates += [one, two]
     if not blocks:
         return None
     squares = np.concatenate(blocks)
     mean_square = float(squares.mean())
     between = np.array([block.mean() for block in blocks])
-    spread = 1.96 * float(squares.std(ddof=1)) / math.sqrt(squares.size) if squares.size > 1 else mean_square
+    # a stretch in which one run goes another way counts once, however many blocks it has
+    independent = squares.size / max(correlation_length(squares), 1.0) if squares.size > 1 else 1.0
+    spread = 1.96 * float(squares.std(ddof=1)) / math.sqrt(independent) if squares.size > 1 else mean_square
     if between.size > 1:
         spread = max(spread, 1.96 * float(between.std(ddof=1)) / math.sqrt(between.size))
-    reference = math.sqrt(float(np.mean(np.square(fast))))
     # counts beat with the sampling, so that the fast part of an angle says nothing about its size
-    scales = reference > 0 and not wanted[0].piece.demeaned
-    scale = math.sqrt(float(np.mean([r.fast**2 for r in wanted]))) / reference if scales else 1.0
-    scale = min(max(scale, 0.5), 2.0)
+    scale = 1.0 if wanted[0].piece.demeaned else min(max(_noisier(wanted, replicates), 0.5), 2.0)
     rms = scale * math.sqrt(mean_square)
     least = max(LEAST_SPREAD, ONE_PAIR_SPREAD / math.sqrt(between.size))
     relative = max(least, abs(scale - 1.0), 0.5 * spread / mean_square if mean_square > 0 else 0.0)
     # the runs in question are a sample as well: by chance they may hold less noise than the replicates
     relative = math.hypot(relative, _own_spread(wanted))
     return Floor(rms, rms * max(1.0 - relative, 0.0), rms * (1.0 + relative), True)
+
+
+def _noisier(wanted: Sequence[Residual], replicates: Sequence[Residual]) -> float:
+    """Give how much more fast noise the residuals `wanted` have than the replicates.
+
+    Where what was measured has no other fast part than noise it is asked, because a leak takes the noise from a
+    residual and must not lower its own floor.
+    """
+
+    def rms(values: Iterable[float]) -> float:
+        return math.sqrt(float(np.mean(np.square(list(values)))))
+
+    left, measured = rms(r.fast for r in replicates), rms(r.fast_of_target for r in replicates)
+    if left == 0.0:
+        return 1.0
+    if measured < ALL_NOISE * left:
+        return rms(r.fast_of_target for r in wanted) / measured
+    return rms(r.fast for r in wanted) / left
 
 
 def _own_spread(wanted: Sequence[Residual]) -> float:

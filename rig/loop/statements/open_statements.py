@@ -5,19 +5,24 @@ is reported as `untraced` with its evidence.
 """
 
 import math
-from collections.abc import Mapping, Sequence, Set
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence, Set
 
 import numpy as np
 
 from rig.config.dut import Dut
 from rig.loop.model.equations import Equation
 from rig.loop.model.parameters import flexspline_entries
+from rig.loop.model.prediction import Model
 from rig.loop.result import EquationResult, Json, Open, Verdict
 from rig.loop.search.acceptance import LEAST_IMPROVED
 from rig.loop.search.decision import Selection
 from rig.loop.search.groups import LEAST_SLOPE, QUOTIENT
+from rig.loop.statements.channels import correlations
+from rig.loop.statements.colour import cleaned_away
+from rig.loop.statements.events import Event, events_of, without_events
 from rig.loop.statements.evidence import Memory, Repeats, memory, repeats
-from rig.loop.statements.metrics import LEAST_DWELL, Residual, dwell_of, quantisation_square
+from rig.loop.statements.metrics import LEAST_DWELL, Residual, dwell_of, pairs, quantisation_square
 from rig.loop.statements.report_steps import base_estimates
 
 STIFFNESS_DEVIATION = 0.10
@@ -39,6 +44,8 @@ OUTLIER = 5.0
 MEDIAN_TO_SIGMA = 1.4826
 """Standard deviations beyond which a value is an outlier; the deviation of a normal variable over its median size."""
 
+MISSING_DWELL = f"a dwell of {LEAST_DWELL:g} s before the first motion of every run"
+
 LEAST_SHAPE_SHARE = 0.02
 """Share of the torsion's squares that a shape must explain to be evidence."""
 
@@ -51,9 +58,20 @@ def open_statements(
     dut: Dut,
 ) -> tuple[Open, ...]:
     """Give everything that stays open after the selection. `train`, `held_out`: residuals after, of all runs."""
-    found = [*_left_over(train, selection, dut), *_shapes(selection), *_worse(selection, equations)]
+    model, used = selection.fit.model, {decision.kind.variable for decision in selection.decisions}
+    runs = [*train, *held_out]
+    events = events_of(runs, dut, model)
+    calm = [without_events(residual, found) for residual, found in zip(runs, events, strict=True)]
+    found = [*_events(runs, events, used), *_left_over(calm[: len(train)], train, dut, model, used)]
+    if not any(events):  # the sum of steps looks like many things
+        found += _shapes(selection)
+    found += _worse(selection, equations)
     known = {(item.evidence.get("equation"), item.evidence.get("procedure")) for item in found}
-    found += [*_above_floor(held_out, equations, known), *_absorbed(selection, dut), *_slope(selection)]
+    found += [
+        *_above_floor(calm[len(train) :], equations, known, model),
+        *_absorbed(selection, dut),
+        *_slope(selection),
+    ]
     if not found and not selection.decisions:
         found = _without_floor([*train, *held_out], equations, dut, selection.fit.model.ratio)
     return tuple(found)
@@ -70,7 +88,7 @@ def _without_floor(
     angles = [piece for piece in pieces if piece.equation is Equation.TORSION]
     missing = [] if any(piece.track.replicate is not None for piece in pieces) else ["replicate runs"]
     if any(dwell_of(piece) is None for piece in pieces):
-        missing.append(f"a dwell of {LEAST_DWELL:g} s before the first motion of every run")
+        missing.append(MISSING_DWELL)
     if any(quantisation_square(piece, dut, ratio) is None for piece in angles):
         missing.append("the encoders' counts per turn in the device file")
     return [
@@ -85,22 +103,81 @@ def _without_floor(
     ]
 
 
-def _left_over(residuals: Sequence[Residual], selection: Selection, dut: Dut) -> list[Open]:
-    ratio = selection.fit.model.ratio
+def _events(residuals: Sequence[Residual], events: Sequence[tuple[Event, ...]], used: Collection[str]) -> list[Open]:
+    """Report the steps that come at once, stay, and are in no replicate: what the model can add repeats."""
+    found = []
+    for (equation, procedure), members in _by_procedure(residuals).items():
+        own = {id(residual) for residual in members}
+        listed = [
+            event for residual, some in zip(residuals, events, strict=True) if id(residual) in own for event in some
+        ]
+        if not listed:
+            continue
+        runs = Counter(event.run for event in listed)
+        evidence: dict[str, Json] = {
+            "equation": equation,
+            "procedure": procedure,
+            "events": [
+                {"run": event.run, "time_s": event.time, "counts": event.counts, "rad": event.size} for event in listed
+            ],
+            "odd_runs": [run for run, _ in runs.most_common()],
+            "replicate_pairs": len(pairs(members)),
+            "channels": _channels(residuals, equation, used),
+            "meaning": "the torsion steps by whole counts of the motor's encoder at single moments, and stays there; "
+            + ("no replicate steps with it" if pairs(members) else "no run was repeated that could show it again"),
+        }
+        found.append(Open(Verdict.UNCONTROLLED, evidence, times=tuple(event.time for event in listed)))
+    return found
+
+
+def _channels(residuals: Sequence[Residual], equation: str, used: Collection[str]) -> Json:
+    same = [residual for residual in residuals if residual.piece.equation.value == equation]
+    found = correlations(same, used)
+    if not found:
+        return "none recorded beside angles and torques"
+    return {name: {"correlation": item.value, "p_value": item.p_value} for name, item in found.items()}
+
+
+def _left_over(
+    residuals: Sequence[Residual], recorded: Sequence[Residual], dut: Dut, model: Model, used: Collection[str]
+) -> list[Open]:
+    """Judge what is left of every equation and procedure; `recorded`: with the events that `residuals` lack."""
     found = []
     for members in _by_procedure(residuals).values():
-        judged = repeats(members, dut, ratio)
+        judged = repeats(members, dut, model)
         if judged is not None:
-            found += [_untraced(judged)] if judged.structured else []
+            if judged.structured:
+                found.append(_untraced(judged))
+            elif judged.unsteady:
+                found.append(_uncontrolled(judged, _channels(recorded, judged.equation, used)))
             continue
-        alone = memory(members, dut, ratio)
+        alone = memory(members, dut, model)
         if alone is not None and alone.structured:
             found.append(_remembering(alone))
     return found
 
 
+def _uncontrolled(item: Repeats, channels: Json) -> Open:
+    return Open(
+        verdict=Verdict.UNCONTROLLED,
+        evidence={
+            "equation": item.equation,
+            "procedure": item.procedure,
+            "rho": item.rho,
+            "replicate_pairs": item.pairs,
+            "rms_slow_not_repeating": math.sqrt(item.own_slow),
+            "rms_slow_of_noise": None if item.noise is None else math.sqrt(item.noise),
+            "ljung_box_per_lag": item.ljung_box,
+            "odd_runs": list(item.odd),
+            "channels": channels,
+            "meaning": "the residual does not repeat between replicates, and is no noise of the colour that the dwells "
+            "show: something acts that is not held, or an event",
+        },
+    )
+
+
 def _remembering(item: Memory) -> Open:
-    known = "coloured noise is not excluded" if item.dwell is None else "the dwells are quieter"
+    known = "the dwells are quieter" if item.dwells else "coloured noise is not excluded"
     return Open(
         verdict=Verdict.UNTRACED,
         evidence={
@@ -108,9 +185,9 @@ def _remembering(item: Memory) -> Open:
             "procedure": item.procedure,
             "replicate_pairs": 0,
             "rms_slow": item.slow,
-            "rms_slow_in_dwells": item.dwell,
-            "rms_slow_of_white_noise": item.allowance,
+            "rms_slow_of_noise": item.noise,
             "ljung_box_per_lag": item.ljung_box,
+            "missing": ["replicate runs"] + ([] if item.dwells else [MISSING_DWELL]),
             "meaning": f"the residual has structure that no term explains; no run was repeated, and {known}",
         },
     )
@@ -186,11 +263,15 @@ def _worse(selection: Selection, equations: Mapping[str, EquationResult]) -> lis
 
 
 def _above_floor(
-    residuals: Sequence[Residual], equations: Mapping[str, EquationResult], known: Set[tuple[Json, Json]]
+    residuals: Sequence[Residual],
+    equations: Mapping[str, EquationResult],
+    known: Set[tuple[Json, Json]],
+    model: Model,
 ) -> list[Open]:
     """Report what is left far above the floor where no other statement does; `known`: (equation, procedure) there.
 
-    Single outliers of a heavy-tailed noise are no structure: they count only as far as `OUTLIER`.
+    Single outliers of a heavy-tailed noise are no structure: they count only as far as `OUTLIER`. Nor is what the
+    smoothing of a torque took away, or put in where it was wrong.
     """
     found = []
     for (name, procedure), members in _by_procedure(residuals).items():
@@ -198,7 +279,8 @@ def _above_floor(
         errors = whole.by_procedure.get(procedure) if whole is not None else None
         if errors is None or errors.floor_ci95 is None or known & {(name, procedure), (name, None)}:
             continue
-        left, high = _without_outliers(members), errors.floor_ci95[1]
+        smoothed = np.concatenate([cleaned_away(residual, model) for residual in members])
+        left, high = _without_outliers(members), math.hypot(errors.floor_ci95[1], float(np.sqrt(np.mean(smoothed**2))))
         if left > ABOVE_FLOOR * high:
             evidence: dict[str, Json] = {
                 "equation": name,

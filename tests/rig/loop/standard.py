@@ -40,7 +40,7 @@ class Outcome:
 
     @property
     def answer(self) -> str:
-        """`named`, `named, and more`, `ambiguous`, `absorbed`, `wrong`, `untraced` or `none`."""
+        """`named`, `named, and more`, `ambiguous`, `absorbed`, `wrong`, `uncontrolled`, `untraced` or `none`."""
         found = self.result.effects
         if self.effect in found:
             return "named" if len(found) == 1 else "named, and more"
@@ -51,6 +51,8 @@ class Outcome:
         groups = [item for item in self.result.open if item.verdict is Verdict.ABSORBED and self.effect in item.group]
         if groups:
             return "absorbed"
+        if self.result.verdict is Verdict.UNCONTROLLED:
+            return "uncontrolled"
         return "untraced" if self.result.open else "none"
 
 

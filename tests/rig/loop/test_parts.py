@@ -8,7 +8,7 @@ import pytest
 from drivers.errors import DataError
 from rig.loop.campaign import LoopOptions, split_runs
 from rig.loop.fitting.normal import correlation_length, solve
-from rig.loop.model.equations import pieces_of
+from rig.loop.model.equations import Equation, distinct_readings, pieces_of
 from rig.loop.model.parameters import flexspline_from_catalogue
 from rig.loop.model.terms import Line, line_values, periodic_effects
 from rig.loop.signals.play import play_path
@@ -121,3 +121,16 @@ def test_two_runs_of_one_name_are_refused() -> None:
     runs = [make_run("a", "free-run", np.arange(3.0), {}) for _ in range(2)]
     with pytest.raises(DataError, match="two runs have this name"):
         split_runs(runs, LoopOptions())
+
+
+def test_the_sample_that_stands_for_equal_readings_is_neither_early_nor_late() -> None:
+    """Else every torque would seem to come half a sample beside the angle."""
+    time = np.arange(400) * 0.01
+    reading = 1e-4 * (np.arange(400) // 2)
+    signals = {"motor_position": 1e-3 * reading, "output_position": reading, "output_torque": 4.0 * time}
+    track = make_track(make_run("r", "locked-output", time, signals), dut())
+    piece = next(piece for piece in pieces_of(track, 100.0) if piece.equation is Equation.TORSION)
+    chosen = distinct_readings(piece).index
+    assert chosen.size == 200
+    # pairs begin at the even samples: their middle is half a sample later
+    assert np.mean(chosen - (2 * np.arange(200) + 0.5)) == pytest.approx(0.0, abs=1e-12)

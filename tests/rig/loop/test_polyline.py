@@ -1,7 +1,10 @@
 """Torques that were swept in straight lines: what is left of their noise, and where their corners are found."""
 
+import math
+
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from rig.loop.signals.polyline import polyline
 from rig.loop.signals.smoothing import smooth
@@ -58,6 +61,30 @@ def test_a_corner_is_placed_to_a_fraction_of_a_sample(seed):
 def test_a_sine_is_no_polyline(seed):
     time = np.arange(0.0, 60.0, 0.01)
     assert found(12.0 * np.sin(0.2 * time), 0.01, seed) is None
+
+
+def coloured(count, seed):
+    """First-order autoregression, 0.97 from sample to sample, of the size of the white noise."""
+    white = np.random.default_rng(seed).standard_normal(count)
+    return NOISE * lfilter([math.sqrt(1.0 - 0.97**2)], [1.0, -0.97], white)
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seconds", [12.0, 30.0])
+def test_a_sine_in_a_noise_that_remembers_is_no_polyline(seconds, seed):
+    """Its chords would miss it by up to ten times the noise and pass for a slower noise."""
+    time = np.arange(0.0, 2.0 * seconds, 0.01)
+    torque = 13.0 * np.sin(2.0 * math.pi * time / seconds)
+    assert polyline(torque + coloured(time.size, seed), 10, 0.01) is None
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_sweep_with_holds_in_a_noise_that_remembers_is_a_polyline(seed):
+    time = np.arange(0.0, 60.0, 0.01)
+    torque = np.interp(time, [0, 5, 10, 14, 24, 28, 33, 60], [0, 0, 14, 14, -14, -14, 0, 0])
+    line = polyline(torque + coloured(time.size, seed), 10, 0.01)
+    assert line is not None
+    assert np.std(line - torque) < NOISE
 
 
 def test_a_torque_without_noise_has_none_to_lose():

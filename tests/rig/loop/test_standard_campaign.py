@@ -58,7 +58,7 @@ ROWS = page()
 def test_the_page_has_an_answer_for_every_effect():
     assert set(ROWS) == set(CATALOGUE)
     assert {effect for effect, row in ROWS.items() if row.answer == "base"} == set(CATALOGUE) - set(hidden_effects())
-    assert {row.answer for row in ROWS.values()} <= {"base", "named", "named, and more", "ambiguous", "untraced"}
+    assert {row.answer for row in ROWS.values()} <= {"base", "named", "named, and more", "ambiguous", "uncontrolled"}
 
 
 def test_the_page_gives_every_fitted_parameter_of_what_is_named_and_remarks_on_those_that_are_far_off():

@@ -61,6 +61,13 @@ def test_an_untraced_rest_names_its_equation_and_that_one_s_error() -> None:
     )
 
 
+def test_a_rest_that_does_not_repeat_is_no_effect_that_is_missing() -> None:
+    equations = {"torsion": {"unit": "rad", "held_out": ERRORS}}
+    still_open = [{"verdict": "uncontrolled", "evidence": {"equation": "torsion"}}]
+    text = said("uncontrolled", still_open=still_open, equations=equations)
+    assert text.startswith("What is left of torsion does not repeat: single events, or something that is not held;")
+
+
 def test_an_error_that_grew_is_said_beside_the_one_that_fell() -> None:
     equations = {"torsion": {"unit": "rad", "held_out": ERRORS}, "motor-torque": {"unit": "N*m", "held_out": WORSE}}
     assert "but that of motor-torque rises from 0.25 to 0.35 mN·m" in said("named", [GRAVITY], equations=equations)
