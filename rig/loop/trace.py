@@ -34,7 +34,8 @@ from rig.loop.search.aliases import aliases, samplings
 from rig.loop.search.decision import Selection, Unadded
 from rig.loop.search.lines import USUAL_HIGHEST_ORDER
 from rig.loop.search.select import select
-from rig.loop.signals.checks import check_gear, check_magnitudes, check_signs
+from rig.loop.signals.checks import check_gear, check_magnitudes, check_signs, check_torques, measured_slope
+from rig.loop.signals.living import living
 from rig.loop.signals.tracks import Track, make_track, thin_track
 from rig.loop.statements.metrics import Floor, Residual, errors, floor_of, pooled, residual_of
 from rig.loop.statements.open_statements import open_statements
@@ -80,10 +81,12 @@ def trace(
     started = clock.now()
     campaign = split_runs(runs, options)
     check_magnitudes(runs)
-    train = [make_track(run, dut) for run in campaign.train]
-    held_out = [make_track(run, dut) for run in campaign.held_out]
+    used, dead = living([*campaign.train, *campaign.held_out])
+    tracks = [make_track(run, dut) for run in used]
+    train, held_out = tracks[: len(campaign.train)], tracks[len(campaign.train) :]
     ratio = check_gear(train, dut)
     check_signs([*train, *held_out], ratio)
+    check_torques(tracks, ratio)
     start = scaled_to_data(start_model(dut, ratio, options.law, options.base), train)
     thinned = [distinct_readings(piece) for track in train for piece in pieces_of(thin_track(track), ratio)]
     pieces = settled_pieces(thinned, start)
@@ -118,6 +121,7 @@ def trace(
     warnings = (
         *endings(runs),
         *campaign.warnings,
+        *dead,
         *_far_from_prior(final, still_open),
         *_doubts(final),
         *_remarks([*train, *held_out], runs, dut, final.model),
@@ -384,7 +388,9 @@ def _remarks(tracks: Sequence[Track], runs: Sequence[Run], dut: Dut, model: Mode
     saturated = {track.name: track.saturated for track in tracks if track.saturated}
     if saturated:
         text = ", ".join(f"{name} ({count})" for name, count in saturated.items())
-        found.append(f"Saturated samples (torque limit active) were masked: {text}.")
+        found.append(
+            f"Saturated samples (torque limit active, or a torque cut off at its extreme) were masked: {text}."
+        )
     masked = {
         track.name: 100.0 * (1.0 - float(track.steady.mean())) for track in tracks if track.moves and track.steady.any()
     }
@@ -400,6 +406,11 @@ def _remarks(tracks: Sequence[Track], runs: Sequence[Run], dut: Dut, model: Mode
     both = any(track.motor_position is not None and track.output_position is not None for track in tracks)
     if both and ratio is None:
         found.append("The gear ratio is unknown and no run turns far enough to measure it: torsion is left out.")
+    if both and dut.gear.ratio is not None and measured_slope(tracks) is None:
+        found.append(
+            f"No run turns far enough to measure the ratio: the device file's {dut.gear.ratio:g} was taken as given. A "
+            f"wrong one looks like a wrong stiffness, torque constant or gain; a free run of one turn would tell."
+        )
     if ratio is not None and dut.gear.ratio is None:
         found.append(f"The device file gives no ratio; {ratio:.6g} was measured from both encoders.")
     if not any(run.replicate is not None for run in runs):

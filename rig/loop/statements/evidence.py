@@ -70,6 +70,8 @@ def repeats(residuals: Sequence[Residual], dut: Dut, ratio: float | None) -> Rep
         window = max(1, round(SMOOTHING / one.piece.track.period))
         x, y = uniform_filter1d(a, window), uniform_filter1d(b, window)
         x, y = x - x.mean(), y - y.mean()
+        if not np.any(x) or not np.any(y):
+            continue
         rhos.append(float(x @ y / math.sqrt(float(x @ x) * float(y @ y))))
         squares.append(float(np.mean(a**2) + np.mean(b**2)) / 2.0)
         differences.append(float(np.mean((a - b) ** 2)) / 2.0)
