@@ -4,7 +4,7 @@ Training runs alone decide what is added, named, or withdrawn. Held-out runs are
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,6 +41,7 @@ from rig.loop.statements.metrics import Floor, Residual, errors, floor_of, poole
 from rig.loop.statements.open_statements import open_statements
 from rig.loop.statements.report_steps import model_of, steps_of
 from rig.loop.statements.views import Added, Pair, facts_of, views_of
+from rig.loop.statements.wrong_experiment import wrong_experiments
 from rig.provenance import software_version
 from sim_backend.model.compliance import LAWS, Compliance
 
@@ -107,7 +108,8 @@ def trace(
         side: _residuals(_up_to([p for t in tracks for p in pieces_of(t, ratio)], fastest), base.model, final.model)
         for side, tracks in (("train", train), ("held_out", held_out))
     }
-    equations = _equations(sides, dut, final.model)
+    wrong = wrong_experiments(train, held_out, [*_after(sides["train"]), *_after(sides["held_out"])])
+    equations = _equations(sides, dut, final.model, wrong.runs)
     _refuse_leaks(equations, campaign.held_out)
     changes = {
         name: (item.held_out.rms_before, item.held_out.rms_after)
@@ -116,12 +118,16 @@ def trace(
     }
     steps = steps_of(selection.decisions, final, base, dut, changes)
     entries = [decision.kind.enters for decision in selection.decisions]
-    still_open = open_statements(selection, _after(sides["train"]), _after(sides["held_out"]), equations, dut)
+    fitting = {side: [pair for pair in pairs if _run(pair) not in wrong.runs] for side, pairs in sides.items()}
+    judged = _equations(fitting, dut, final.model, wrong.runs)
+    still_open = open_statements(selection, _after(fitting["train"]), _after(fitting["held_out"]), judged, dut)
+    still_open = (*wrong.open, *still_open)
     steps, still_open = with_next_experiments(steps, selection.decisions, still_open, final, runs, dut, known)
     warnings = (
         *endings(runs),
         *campaign.warnings,
         *dead,
+        *wrong.warnings,
         *_far_from_prior(final, still_open),
         *_doubts(final),
         *_remarks([*train, *held_out], runs, dut, final.model),
@@ -298,13 +304,20 @@ def _residuals(pieces: Sequence[Piece], before: Model, after: Model) -> list[_Be
     return [_BeforeAfter(residual_of(piece, before, after), residual_of(piece, after)) for piece in pieces]
 
 
-def _equations(sides: dict[str, list[_BeforeAfter]], dut: Dut, model: Model) -> dict[str, EquationResult]:
+def _run(pair: _BeforeAfter) -> str:
+    return pair.after.piece.track.name
+
+
+def _equations(
+    sides: dict[str, list[_BeforeAfter]], dut: Dut, model: Model, odd: Set[str]
+) -> dict[str, EquationResult]:
+    """Give the errors of every equation. `odd`: runs that are no replicates, whatever they are called."""
     found = {}
     known = [pair for pairs in sides.values() for pair in pairs]
     for equation in Equation:
         if not any(pair.after.piece.equation is equation for pair in known):
             continue
-        replicates = [pair.after for pair in known if pair.after.piece.equation is equation]
+        replicates = [pair.after for pair in known if pair.after.piece.equation is equation and _run(pair) not in odd]
         results = {}
         for side, pairs in sides.items():
             own = [pair for pair in pairs if pair.after.piece.equation is equation]
