@@ -154,10 +154,22 @@ def _rms(values: Floats) -> float:
 
 
 def _alike(found: Sequence[tuple[Residual, Residual]], wanted: Sequence[Residual]) -> list[tuple[Residual, Residual]]:
-    """Keep the pairs recorded as fast as the runs in question: a slower log holds more noise in every sample."""
+    """Keep the pairs whose noise is that of the runs in question: recorded as fast, and smoothed alike.
+
+    A slower log holds more noise in every sample, and so does a torque in which no polyline was found.
+    """
     periods = [residual.piece.track.period for residual in wanted]
     low, high = min(periods) / SAME_PERIOD, max(periods) * SAME_PERIOD
-    return [pair for pair in found if all(low <= residual.piece.track.period <= high for residual in pair)]
+    smoothed = {_is_polyline(residual) for residual in wanted}
+    return [
+        pair
+        for pair in found
+        if all(low <= item.piece.track.period <= high and _is_polyline(item) in smoothed for item in pair)
+    ]
+
+
+def _is_polyline(residual: Residual) -> bool:
+    return residual.piece.track.swept_torque is not None
 
 
 def _from_replicates(found: Sequence[tuple[Residual, Residual]], wanted: Sequence[Residual]) -> Floor | None:
