@@ -6,7 +6,7 @@ error is not had something else that nobody recorded: another load or pose, as a
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -120,7 +120,7 @@ def wrong_experiments(
         odd = unlike(members)
         rest = [item for name, item in everyone.items() if name not in {one.run for one in odd}]
         found += [item for item in odd if not beyond.get(item.run) and not outside(everyone[item.run], rest)]
-        worse |= {item.run for item in unlike(members, WORSE) if beyond.get(item.run)}
+        worse |= _worse([r for r in members if beyond.get(r.piece.track.name)], members, {item.run for item in fitted})
     return WrongExperiments(
         frozenset([*worse, *(item.run for item in found)]),
         tuple(_open([item for item in found if item.run == run]) for run in dict.fromkeys(one.run for one in found)),
@@ -151,20 +151,31 @@ SCALED = ("N*m", "rad/s")
 """Units in which zero means nothing: a share of the largest size is a share."""
 
 
-def unlike(residuals: Sequence[Residual], factor: float = UNLIKE) -> tuple[Unlike, ...]:
-    """Give the runs, of one equation and procedure, whose slow error is more than `factor` that of the others."""
+def unlike(residuals: Sequence[Residual]) -> tuple[Unlike, ...]:
+    """Give the runs, of one equation and procedure, whose slow error is `UNLIKE` times that of the others or more."""
     slow = {r.piece.track.name: _slow(r) for r in residuals}
-    noise = {r.piece.track.name: r.fast / math.sqrt(_window(r)) for r in residuals}
     if len(slow) <= FEWEST_OTHERS:
         return ()
     found = []
     for residual in residuals:
         name = residual.piece.track.name
         typical = float(np.median([value for other, value in slow.items() if other != name]))
-        if slow[name] > max(factor * typical, ABOVE_NOISE * noise[name]) and slow[name] > 0.0:
+        if slow[name] > max(UNLIKE * typical, ABOVE_NOISE * _noise(residual)) and slow[name] > 0.0:
             equation, procedure = residual.piece.equation, residual.piece.track.procedure
             found.append(Unlike(name, equation.value, procedure.value, slow[name], typical, equation.unit))
     return tuple(found) if len(found) <= MOST_UNLIKE * len(slow) else ()
+
+
+def _worse(beyond: Sequence[Residual], members: Sequence[Residual], fitted: Set[str]) -> set[str]:
+    """Give the runs, of those beyond the range of the fitted ones, whose slow error is larger than theirs."""
+    known = [_slow(residual) for residual in members if residual.piece.track.name in fitted]
+    typical = float(np.median(known)) if known else 0.0
+    return {r.piece.track.name for r in beyond if _slow(r) > max(WORSE * typical, ABOVE_NOISE * _noise(r))}
+
+
+def _noise(residual: Residual) -> float:
+    """Give what white noise leaves of the means of a residual."""
+    return residual.fast / math.sqrt(_window(residual))
 
 
 def inputs_of(track: Track) -> Inputs:
