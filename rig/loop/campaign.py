@@ -72,6 +72,17 @@ def split_runs(runs: Sequence[Run], options: LoopOptions) -> Campaign:
         train, held_out = _by_pattern(runs, options.held_out, warnings)
     else:
         train, held_out = _drawn(runs, options.seed, warnings)
+    if not options.held_out and not held_out:
+        groups = sorted({run.replicate for run in runs if run.replicate is not None})
+        raise DataError(
+            ", ".join(names[:8]),
+            f"{len(runs)} runs, but no procedure has two that are no replicates of each other"
+            + (f" (replicates of {', '.join(groups)})" if groups else "")
+            + ": nothing can be held out",
+            value=len(runs),
+            expected="a procedure with two runs under different conditions",
+            hint="Record a further run at another start angle or rate, or name the run to hold out with --held-out.",
+        )
     for side, word in ((train, "to fit"), (held_out, "to hold out")):
         if not side:
             raise DataError(

@@ -80,6 +80,9 @@ def predict_run(run: Run, model: ModelFile) -> tuple[Prediction, ...]:
     track = make_track(run, model.dut)
     check_gear([track], model.dut)
     computed = model_of_file(model)
+    # the track has rows that the log lacks, and lacks those in which a slow channel was not read
+    place = np.minimum(np.searchsorted(track.time, run.time), track.size - 1)
+    there = track.time[place] == run.time
     sense = -1.0 if model.dut.gear.rotation.value == "same" else 1.0
     found = []
     for piece in pieces_of(track, computed.ratio):
@@ -98,9 +101,9 @@ def predict_run(run: Run, model: ModelFile) -> tuple[Prediction, ...]:
                 equation=piece.equation.value,
                 column=piece.equation.column,
                 unit=piece.equation.unit,
-                predicted=sign * predicted,
-                residual=sign * (target - predicted),
-                settling=~counted,
+                predicted=sign * np.interp(run.time, track.time, predicted),
+                residual=sign * np.interp(run.time, track.time, target - predicted),
+                settling=~(counted[place] & there),
             )
         )
     return tuple(found)

@@ -4,7 +4,7 @@ Training runs alone decide what is added, named, or withdrawn. Held-out runs are
 """
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,13 +35,15 @@ from rig.loop.search.aliases import aliases, samplings
 from rig.loop.search.decision import Selection, Unadded
 from rig.loop.search.lines import USUAL_HIGHEST_ORDER
 from rig.loop.search.select import select
-from rig.loop.signals.checks import check_gear, check_magnitudes, check_signs
+from rig.loop.signals.checks import check_gear, check_magnitudes, check_signs, check_torques, measured_slope
+from rig.loop.signals.living import living
 from rig.loop.signals.tracks import Track, make_track, thin_track
 from rig.loop.statements.events import events_of, without_events
 from rig.loop.statements.metrics import Floor, Residual, errors, floor_of, pooled, residual_of
 from rig.loop.statements.open_statements import open_statements
 from rig.loop.statements.report_steps import model_of, steps_of
 from rig.loop.statements.views import Added, Pair, facts_of, views_of
+from rig.loop.statements.wrong_experiment import wrong_experiments
 from rig.loop.workers.held import Held
 from rig.loop.workers.hold import hold
 from rig.provenance import software_version
@@ -85,9 +87,9 @@ def trace(
     started = clock.now()
     campaign = split_runs(runs, options)
     check_magnitudes(runs)
-    both = (*campaign.train, *campaign.held_out)
-    with hold(both, [run.time.size for run in both], options.scheduler) as held:
-        result = _traced(held, campaign, runs, dut, options, on_stage)
+    used, dead = living([*campaign.train, *campaign.held_out])
+    with hold(used, [run.time.size for run in used], options.scheduler) as held:
+        result = _traced(held, campaign, runs, dut, options, dead, on_stage)
     return replace(result, elapsed=clock.now() - started)
 
 
@@ -97,14 +99,16 @@ def _traced(
     runs: Sequence[Run],
     dut: Dut,
     options: LoopOptions,
+    dead: Sequence[str],
     on_stage: Callable[[str], None],
 ) -> LoopResult:
-    """Trace the runs that are held, those of the campaign in its order."""
+    """Trace the runs that are held, those of the campaign in its order. `dead`: what to say of channels left out."""
     tracks = held.keep(make_track, dut)
     known_tracks = tracks.gather()
-    train = known_tracks[: len(campaign.train)]
+    train, held_out = known_tracks[: len(campaign.train)], known_tracks[len(campaign.train) :]
     ratio = check_gear(train, dut)
     check_signs(known_tracks, ratio)
+    check_torques(known_tracks, ratio)
     start = scaled_to_data(start_model(dut, ratio, options.law, options.base), train)
     names = frozenset(track.name for track in train)
     pieces = tracks.spread(_pieces_to_fit, names, ratio, start)
@@ -126,7 +130,8 @@ def _traced(
         "train": [pair for pair in pairs if pair.after.piece.track.name in names],
         "held_out": [pair for pair in pairs if pair.after.piece.track.name not in names],
     }
-    equations = _equations(sides, dut, final.model)
+    wrong = wrong_experiments(train, held_out, [*_after(sides["train"]), *_after(sides["held_out"])])
+    equations = _equations(sides, dut, final.model, wrong.runs)
     _refuse_leaks(equations, campaign.held_out)
     changes = {
         name: (item.held_out.rms_before, item.held_out.rms_after)
@@ -135,11 +140,16 @@ def _traced(
     }
     steps = steps_of(selection.decisions, final, base, dut, changes)
     entries = [decision.kind.enters for decision in selection.decisions]
-    still_open = open_statements(selection, _after(sides["train"]), _after(sides["held_out"]), equations, dut)
+    fitting = {side: [pair for pair in pairs if _run(pair) not in wrong.runs] for side, pairs in sides.items()}
+    judged = _equations(fitting, dut, final.model, wrong.runs)
+    still_open = open_statements(selection, _after(fitting["train"]), _after(fitting["held_out"]), judged, dut)
+    still_open = (*wrong.open, *still_open)
     steps, still_open = with_next_experiments(steps, selection.decisions, still_open, final, runs, dut, known)
     warnings = (
         *endings(runs),
         *campaign.warnings,
+        *dead,
+        *wrong.warnings,
         *_far_from_prior(final, still_open),
         *_doubts(final),
         *_remarks(known_tracks, runs, dut, final.model),
@@ -338,13 +348,20 @@ def _after(pairs: Sequence[_BeforeAfter]) -> list[Residual]:
     return [pair.after for pair in pairs]
 
 
-def _equations(sides: dict[str, list[_BeforeAfter]], dut: Dut, model: Model) -> dict[str, EquationResult]:
+def _run(pair: _BeforeAfter) -> str:
+    return pair.after.piece.track.name
+
+
+def _equations(
+    sides: dict[str, list[_BeforeAfter]], dut: Dut, model: Model, odd: Set[str]
+) -> dict[str, EquationResult]:
+    """Give the errors of every equation. `odd`: runs that are no replicates, whatever they are called."""
     found = {}
     known = [pair for pairs in sides.values() for pair in pairs]
     for equation in Equation:
         if not any(pair.after.piece.equation is equation for pair in known):
             continue
-        recorded = [pair.after for pair in known if pair.after.piece.equation is equation]
+        recorded = [pair.after for pair in known if pair.after.piece.equation is equation and _run(pair) not in odd]
         # steps at single moments are no noise: with them in it the floor is too high
         steps = events_of(recorded, dut, model)
         replicates = [without_events(residual, some) for residual, some in zip(recorded, steps, strict=True)]
@@ -431,7 +448,9 @@ def _remarks(tracks: Sequence[Track], runs: Sequence[Run], dut: Dut, model: Mode
     saturated = {track.name: track.saturated for track in tracks if track.saturated}
     if saturated:
         text = ", ".join(f"{name} ({count})" for name, count in saturated.items())
-        found.append(f"Saturated samples (torque limit active) were masked: {text}.")
+        found.append(
+            f"Saturated samples (torque limit active, or a torque cut off at its extreme) were masked: {text}."
+        )
     masked = {
         track.name: 100.0 * (1.0 - float(track.steady.mean())) for track in tracks if track.moves and track.steady.any()
     }
@@ -447,6 +466,11 @@ def _remarks(tracks: Sequence[Track], runs: Sequence[Run], dut: Dut, model: Mode
     both = any(track.motor_position is not None and track.output_position is not None for track in tracks)
     if both and ratio is None:
         found.append("The gear ratio is unknown and no run turns far enough to measure it: torsion is left out.")
+    if both and dut.gear.ratio is not None and measured_slope(tracks) is None:
+        found.append(
+            f"No run turns far enough to measure the ratio: the device file's {dut.gear.ratio:g} was taken as given. A "
+            f"wrong one looks like a wrong stiffness, torque constant or gain; a free run of one turn would tell."
+        )
     if ratio is not None and dut.gear.ratio is None:
         found.append(f"The device file gives no ratio; {ratio:.6g} was measured from both encoders.")
     if not any(run.replicate is not None for run in runs):

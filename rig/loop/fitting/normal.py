@@ -32,6 +32,9 @@ MEMORIES_A_BLOCK = 10.0
 LEAST_BLOCKS = 4.0
 """but a run has at least this many."""
 
+ROUNDING = 1e-12
+"""Share of a parameter's information that may be left of it when the only run that tells it is taken away."""
+
 
 @dataclass(frozen=True, slots=True)
 class Noise:
@@ -155,7 +158,10 @@ class Normal:
         total_A, total_g = self.A.sum(axis=0) + np.diag(prior), self.g.sum(axis=0) + pull
         left = np.empty(len(self.runs))
         for k in range(len(self.runs)):
-            step = solve(total_A - self.A[k], total_g - self.g[k])
+            rest, slope = total_A - self.A[k], total_g - self.g[k]
+            # of what this run alone told only rounding is left, of either sign
+            told = np.diag(rest) > ROUNDING * np.diag(total_A)
+            step = solve(np.where(np.outer(told, told), rest, 0.0), np.where(told, slope, 0.0))
             left[k] = self.squares[k] - 2.0 * step @ self.g[k] + step @ self.A[k] @ step
         return left
 

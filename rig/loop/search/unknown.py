@@ -116,7 +116,7 @@ def _kinds(samples: Mapping[str, Floats]) -> Iterator[tuple[Enters, str, Form, s
     other = [name for name in known if name not in MODELLED]
     torsion = [("output_torque", form) for form in (Form.CURVE, Form.PLAY, Form.PEAK, Form.LAG, Form.RATE)]
     torsion += [("motor_velocity", form) for form in (Form.CURVE, Form.LAG, Form.RATE)]
-    if "output_torque" in known:
+    if {"output_torque", "motor_position"} <= known:
         yield Enters.TORSION, "motor_position", Form.WAVE, "output_torque"
     motor = [("motor_velocity", form) for form in (Form.CURVE, Form.LAG, Form.RATE)]
     motor += [("output_torque", form) for form in (Form.CURVE, Form.PLAY)]

@@ -3,21 +3,43 @@
 A wrong ratio, rotation or sign would otherwise come out as a large, structured residual with a made-up cause.
 """
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drivers.errors import DataError
 from drivers.signals import BY_NAME
 from rig.config.dut import Dut
 from rig.log.run import ProcedureName, Run
+from rig.loop.signals.living import SWEEPS
 from rig.loop.signals.tracks import Track
+
+Floats = NDArray[np.float64]
 
 RATIO_TOLERANCE = 0.01
 """Relative; torsion and errors of both encoders change the slope over a turn by far less."""
 
 LEAST_TRAVEL = 6.0
 """rad at the motor over which a ratio can be measured."""
+
+NEARLY_WHOLE = 1e-5
+"""Relative distance of a measured ratio from a whole number, below which it is that number: teeth are counted."""
+
+LEAST_IN_LEGS = 0.01
+"""Share of the squared travel that legs of constant speed must hold, so that the ratio is measured in them."""
+
+GROSS = 1.4
+"""Factor between the two torques beyond which the device file or a scale is wrong: no effect of a gear comes near."""
+
+CLIMB = 0.03
+"""Share of its range by which a torque must rise or fall within a step of a sweep, so that the gear slips in it."""
+
+FEWEST_CLIMBS = 8
+
+STEPS = 100
+"""Steps that a sweep is cut into; fewer climbs in all of them tell nothing."""
 
 WRONG_SIGN = -0.5
 """Correlation of torque and torsion below which a sign is wrong, not noisy."""
@@ -49,18 +71,32 @@ def check_magnitudes(runs: Sequence[Run]) -> None:
 
 
 def measured_slope(tracks: Sequence[Track]) -> float | None:
-    """Give d(motor_position)/d(output_position) of all turning runs (opposed: negative), None if none turns."""
-    numerator = denominator = 0.0
+    """Give d(motor_position)/d(output_position) of all turning runs (opposed: negative), None if none turns.
+
+    Each stretch that turns one way has a constant of its own: the torsion of one direction is not that of the other.
+    """
+    whole, legs = np.zeros(2), np.zeros(2)
     for track in tracks:
         if track.motor_position is None or track.output_position is None or not track.usable.any():
             continue
         motor, output = track.motor_position[track.usable], track.output_position[track.usable]
         if np.ptp(motor) < LEAST_TRAVEL or np.ptp(output) == 0.0:
             continue
-        motor = motor - motor.mean()
-        numerator += float(motor @ motor)
-        denominator += float(motor @ (output - output.mean()))
-    return numerator / denominator if denominator else None
+        whole += _products(motor, output)
+        # outside legs too many samples are on the way from one torsion to the other
+        speed = np.where(track.usable, track.speed, 0.0)
+        edges = np.flatnonzero(np.diff(speed, prepend=0.0, append=0.0))
+        for start, stop in itertools.pairwise(edges.tolist()):
+            if speed[start] != 0.0:
+                legs += _products(track.motor_position[start:stop], track.output_position[start:stop])
+    power, common = legs if legs[1] != 0.0 and legs[0] > LEAST_IN_LEGS * whole[0] else whole
+    return float(power / common) if common else None
+
+
+def _products(motor: Floats, output: Floats) -> Floats:
+    """Give the sums of motor squared and of motor times output, each about its mean."""
+    centred = motor - motor.mean()
+    return np.array([centred @ centred, centred @ (output - output.mean())])
 
 
 def check_gear(tracks: Sequence[Track], dut: Dut) -> float | None:
@@ -88,7 +124,10 @@ def check_gear(tracks: Sequence[Track], dut: Dut) -> float | None:
             expected=f"a ratio within {100 * RATIO_TOLERANCE:.0f} % of {-slope:.4g}",
             hint="Correct the ratio, or the counts per revolution of one encoder.",
         )
-    return given if given is not None else -slope
+    if given is not None:
+        return given
+    whole = round(-slope)
+    return float(whole) if abs(-slope / whole - 1.0) < NEARLY_WHOLE else -slope
 
 
 def check_signs(tracks: Sequence[Track], ratio: float | None) -> None:
@@ -116,6 +155,45 @@ def _check_torsion(track: Track, ratio: float | None) -> None:
                 expected="a positive torque gives a positive torsion",
                 hint=f"Set sign = -1 for {name} in the bench file or mapping, or correct the rotation.",
             )
+
+
+def check_torques(tracks: Sequence[Track], ratio: float | None) -> None:
+    """Raise DataError where the output torque is not by far ratio times the motor torque while the gear slips."""
+    found = torque_factor(tracks, ratio)
+    if found is None or ratio is None or 1.0 / GROSS < found < GROSS:
+        return
+    turning = measured_slope(tracks) is not None
+    suspects = "the torque constant, or the gain or unit of one torque"
+    raise DataError(
+        "campaign",
+        f"output_torque moves by {found * ratio:.4g} N*m for 1 N*m of motor_torque in the sweeps, {found:.3g} times "
+        f"the ratio {ratio:g}",
+        column="output_torque",
+        value=round(found, 4),
+        expected=f"a factor between {1.0 / GROSS:.2f} and {GROSS:.2f}",
+        hint=f"Check {suspects}."
+        if turning
+        else f"Check the ratio of the device file (no run turns, so that it was not measured), {suspects}.",
+    )
+
+
+def torque_factor(tracks: Sequence[Track], ratio: float | None) -> float | None:
+    """Give d(output_torque)/d(motor_torque) over the ratio where the gear slips in sweeps; None without such.
+
+    Where it sticks, the torque that follows stands still, and the other one tells nothing.
+    """
+    found: list[float] = []
+    for track in tracks:
+        if ratio is None or track.moves or track.T is None or track.M is None or track.procedure not in SWEEPS:
+            continue
+        follows = track.T if track.procedure is ProcedureName.LOCKED_OUTPUT else track.M
+        places = np.linspace(0, track.size - 1, STEPS + 1).astype(np.intp)
+        seen = track.usable[places[:-1]] & track.usable[places[1:]]
+        climbs = np.abs(np.diff(follows[places])) > CLIMB * float(np.ptp(follows))
+        output, motor = np.diff(track.T[places]), ratio * np.diff(track.M[places])
+        use = seen & climbs & (motor != 0.0)
+        found += (output[use] / motor[use]).tolist()
+    return float(np.median(found)) if len(found) >= FEWEST_CLIMBS else None
 
 
 def _check_power(track: Track, ratio: float | None) -> None:

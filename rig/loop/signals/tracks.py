@@ -12,13 +12,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.signal import savgol_filter
 
 from rig.config.dut import Dut, Rotation
 from rig.log.run import ProcedureName, Run
+from rig.loop.signals.living import ANGLES, SWEEPS
+from rig.loop.signals.missing import between, filled, in_long_gaps, known_between, read_together, unheld
 from rig.loop.signals.polyline import polyline
 from rig.loop.signals.ripple import Ripple, speed_ripple
+from rig.loop.signals.saturation import at_limit, cut_off, doubtful_after
 from rig.loop.signals.smoothing import smooth
 
 Floats = NDArray[np.float64]
@@ -26,6 +29,9 @@ Flags = NDArray[np.bool_]
 
 SMOOTHING = 0.02
 """s over which a run that does not turn is averaged for the fit; quasi-static sweeps change over seconds."""
+
+LEAST_THERE = 0.5
+"""Share of the samples of a mean that must be usable; between them stand values read off a straight line."""
 
 SPRING_SIDE, PLAY_SIDE = 0.025, 0.1
 """s on either side over which torques are smoothed at least before they enter a spring or a play, unless the whole
@@ -61,8 +67,9 @@ HELD_SPEED = 0.3
 CONDITIONS = ("temperature", "motor_temperature", "bus_voltage", "supply_voltage")
 """Signals of the contract beside angles and torques that terms may use, as they may any further one of a log."""
 
-SATURATED = 1 << 11
-"""Bit `internal limit active` of the CiA 402 status word."""
+_PREDICTED = ("motor_position", "output_position", "motor_torque", "motor_current", "output_torque")
+_TURNING = _PREDICTED[:-1]
+"""Channels that must be read together; while turning the output torque changes slowly, whatever it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,33 +125,47 @@ class Track:
 
 
 def make_track(run: Run, dut: Dut) -> Track:
-    """Give the run at the rate of its log."""
+    """Give the run at the rate of its log, with rows that the log lacks put back and marked as not usable."""
+    run = filled(read_together(run, _PREDICTED if run.procedure in SWEEPS else _TURNING))
     sense = -1.0 if dut.gear.rotation is Rotation.SAME else 1.0
     period = float(np.median(np.diff(run.time))) if run.time.size > 1 else 1.0
     usable = np.ones(run.time.size, dtype=bool)
 
     def signal(name: str, factor: float = 1.0) -> Floats | None:
         values = run.signals.get(name)
+        if values is not None and name == "output_torque":
+            values = unheld(values)
         if values is None or not np.any(np.isfinite(values)):
             return None
         good = np.isfinite(values)
         if not good.all():
-            usable[~good] = False
-            values = np.interp(run.time, run.time[good], values[good])
+            usable[~known_between(good)] = False
+            values = between(run.time, values, good, noisy=name not in ANGLES)
         return factor * np.asarray(values, dtype=float)
 
     motor_position, output_position = signal("motor_position", sense), signal("output_position")
     output_torque, motor_torque = signal("output_torque"), signal("motor_torque", sense)
     current = None if motor_torque is not None else signal("motor_current", sense)
+    limited, cut = at_limit(run), cut_off(run)
+    for flags in cut.values():
+        usable &= ~flags
+    if run.procedure in SWEEPS:
+        unseen = in_long_gaps(run)
+        for name, values in (("output_torque", output_torque), ("motor_torque", motor_torque)):
+            if values is not None:
+                usable &= ~doubtful_after(values, unseen | cut.get(name, unseen))
     if current is not None and dut.motor.torque_constant is not None:
         motor_torque, current = dut.motor.torque_constant * current, None
-    saturated = _saturated(run)
-    usable &= ~saturated
+    saturated = np.logical_or.reduce([limited, *cut.values()])
+    reach = max(1, round(SMOOTHING / period))
+    usable &= ~maximum_filter1d(saturated, 2 * reach + 1)  # no mean of samples may hold a saturated one
     angle = motor_position if motor_position is not None else output_position
     speed = np.zeros(run.time.size)
     if angle is not None and run.time.size > 2:
         recorded = None if motor_position is not None else signal("output_velocity")
         speed = _smoothed_speed(run.time, angle, period) if recorded is None else recorded
+    if motor_position is None and not (motor_torque is None and current is None):
+        speed = -(dut.gear.ratio or 1.0) * speed  # the friction behind a motor torque follows the motor's direction
     leg_speed = _legs(speed, period)
     travel = float(np.ptp(angle)) if angle is not None and angle.size else 0.0
     moves = travel > MOVES if motor_position is not None else bool(np.any(leg_speed != 0))
@@ -204,7 +225,7 @@ def thin_track(track: Track, over: float = SMOOTHING) -> Track:
     def pick(values: Floats) -> Floats:
         return values[: count * factor].reshape(count, factor)[:, factor // 2]
 
-    usable: Flags = np.all(track.usable[: count * factor].reshape(count, factor), axis=1)
+    usable: Flags = np.mean(track.usable[: count * factor].reshape(count, factor), axis=1) >= LEAST_THERE
     return replace(
         track,
         time=np.asarray(mean(track.time)),
@@ -303,14 +324,6 @@ def _over_turns(values: Floats | None, leg_speed: Floats, period: float) -> Floa
             width = max(1, min(width, stop - start))
             averaged[start:stop] = uniform_filter1d(values[start:stop], width, mode="reflect")
     return averaged
-
-
-def _saturated(run: Run) -> Flags:
-    words = run.signals.get("status_word")
-    if words is None:
-        return np.zeros(run.time.size, dtype=bool)
-    saturated: Flags = (np.nan_to_num(words).astype(np.int64) & SATURATED) != 0
-    return saturated
 
 
 def _smoothed_speed(time: Floats, angle: Floats, period: float) -> Floats:

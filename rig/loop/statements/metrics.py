@@ -38,6 +38,9 @@ ALL_NOISE = 1.1
 COMPUTED_SPREAD = 0.25
 """Relative half width of a computed floor: quantisation is not quite uniform, a dwell is not quite a sweep."""
 
+SAME_PERIOD = 1.2
+"""Ratio up to which two logs are sampled alike."""
+
 QUIET_TRAVEL = 2e-3
 """rad at the motor within which a run still dwells."""
 
@@ -131,7 +134,7 @@ def floor_of(wanted: Sequence[Residual], known: Sequence[Residual], dut: Dut, mo
     """Give the floor of the residuals `wanted` of one equation and procedure; `known`: all runs with replicates."""
     procedure = wanted[0].piece.track.procedure
     same = [residual for residual in known if residual.piece.track.procedure is procedure]
-    measured, computed = _from_replicates(pairs(same), wanted), _computed(wanted, dut, model)
+    measured, computed = _from_replicates(_alike(pairs(same), wanted), wanted), _computed(wanted, dut, model)
     if measured is None or computed is None or computed.rms <= measured.rms:
         return measured if measured is not None else computed
     # quantisation that repeats cancels between replicates: what is computed is the lower limit
@@ -158,6 +161,25 @@ def pooled(floors: Iterable[tuple[Floor, int]]) -> Floor | None:
 
 def _rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
+
+
+def _alike(found: Sequence[tuple[Residual, Residual]], wanted: Sequence[Residual]) -> list[tuple[Residual, Residual]]:
+    """Keep the pairs whose noise is that of the runs in question: recorded as fast, and smoothed alike.
+
+    A slower log holds more noise in every sample, and so does a torque in which no polyline was found.
+    """
+    periods = [residual.piece.track.period for residual in wanted]
+    low, high = min(periods) / SAME_PERIOD, max(periods) * SAME_PERIOD
+    smoothed = {_is_polyline(residual) for residual in wanted}
+    return [
+        pair
+        for pair in found
+        if all(low <= item.piece.track.period <= high and _is_polyline(item) in smoothed for item in pair)
+    ]
+
+
+def _is_polyline(residual: Residual) -> bool:
+    return residual.piece.track.swept_torque is not None
 
 
 def _from_replicates(found: Sequence[tuple[Residual, Residual]], wanted: Sequence[Residual]) -> Floor | None:

@@ -1,0 +1,98 @@
+"""Channels that stand still while the drive moves: dead, and as good as not recorded.
+
+Used as a reading, a dead encoder is a torsion as large as the travel, and a dead torque sensor a drive without load.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.errors import DataError
+from rig.log.run import ProcedureName, Run
+
+Floats = NDArray[np.float64]
+
+TORQUES = ("motor_torque", "motor_current", "output_torque")
+ANGLES = ("motor_position", "output_position")
+
+SWEEPS = (ProcedureName.LOCKED_OUTPUT, ProcedureName.BACKDRIVE)
+
+TURNED_MOTOR, TURNED_OUTPUT = 6.0, 0.05
+"""rad of travel of one shaft beyond which the other one must have moved."""
+
+
+def living(runs: Sequence[Run]) -> tuple[tuple[Run, ...], tuple[str, ...]]:
+    """Give the runs without their dead channels, and a warning for every run that has any.
+
+    A sweep whose torque is dead, where other sweeps of its kind have that torque, is left out as a whole: what its
+    torsion follows is not known. Raises DataError where nothing changes in any run.
+    """
+    dead = {run.name: _dead(run) for run in runs}
+    still = [run.name for run in runs if dead[run.name] is None]
+    if runs and len(still) == len(runs):
+        names = sorted({name for run in runs for name in (*ANGLES, *TORQUES) if name in run.signals})
+        raise DataError(
+            ", ".join(still[:4]),
+            f"nothing changes in any run: {', '.join(names) or 'no position and no torque'} constant throughout",
+            expected="positions and torques that a procedure moves",
+            hint="Check that the channels are connected, and the columns and their scale in the mapping.",
+        )
+    kept, warnings = [], []
+    for run in runs:
+        lost = dead[run.name]
+        if lost is None:
+            kept.append(_without(run, run.signals))
+            warnings.append(f"{run.name}: nothing changes in it, left out.")
+            continue
+        others = {name for other in runs if other.procedure is run.procedure for name in _alive(other, dead)}
+        missed = [name for name in lost if name in TORQUES and name in others]
+        if missed and run.procedure in SWEEPS:
+            kept.append(_without(run, run.signals))
+            warnings.append(
+                f"{run.name}: {_and(missed)} stood still while the run went on, and other {run.procedure} runs have "
+                f"it: the run is left out. Repeat it."
+            )
+            continue
+        kept.append(_without(run, lost))
+        if lost:
+            text = f"{run.name}: {_and(lost)} stood still while the drive moved, taken as not recorded."
+            warnings.append(text)
+    return tuple(kept), tuple(warnings)
+
+
+def _dead(run: Run) -> tuple[str, ...] | None:
+    """Give the names of the channels that must be dead; None where no position and no torque changes at all."""
+    span = {name: _span(run.signals[name]) for name in (*ANGLES, *TORQUES) if name in run.signals}
+    if not any(span.values()):
+        return None
+    motor, output = span.get("motor_position", 0.0), span.get("output_position", 0.0)
+    loaded = any(span.get(name, 0.0) > 0.0 for name in TORQUES)
+    found = []
+    if motor == 0.0 and (output > TURNED_OUTPUT or (loaded and run.procedure is ProcedureName.LOCKED_OUTPUT)):
+        found.append("motor_position")
+    if output == 0.0 and (motor > TURNED_MOTOR or (loaded and run.procedure is ProcedureName.BACKDRIVE)):
+        found.append("output_position")
+    moved = motor > 0.0 or output > 0.0
+    found += [name for name in TORQUES if moved and span.get(name, 1.0) == 0.0]
+    return tuple(name for name in found if name in span)
+
+
+def _alive(run: Run, dead: Mapping[str, tuple[str, ...] | None]) -> Iterable[str]:
+    lost = dead[run.name]
+    return () if lost is None else set(run.signals) - set(lost)
+
+
+def _span(values: Floats) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.ptp(known)) if known.size else 0.0
+
+
+def _without(run: Run, names: Iterable[str]) -> Run:
+    left_out = set(names)
+    return replace(run, signals={name: values for name, values in run.signals.items() if name not in left_out})
+
+
+def _and(names: Sequence[str]) -> str:
+    return " and ".join(names)

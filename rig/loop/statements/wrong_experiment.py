@@ -1,0 +1,249 @@
+"""Runs that say nothing of what the model lacks: taken under other conditions, or unlike all others of their kind.
+
+Ranges of what goes into the model are compared before errors are. A held-out run beyond the range of the fitted ones
+with a larger error is a wrong experiment, not a missing effect. A run whose inputs are those of the others and whose
+error is not had something else that nobody recorded: another load or pose, as a rule.
+"""
+
+import math
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.signals import BY_NAME
+from rig.log.run import ProcedureName
+from rig.loop.result import Json, Open, Verdict
+from rig.loop.signals.tracks import Track
+from rig.loop.statements.metrics import Residual
+
+Floats = NDArray[np.float64]
+
+BEYOND = 0.25
+"""Share of the width of a range by which another run may lie beyond it."""
+
+LEAST_BEYOND = {"N*m": 0.0, "rad/s": 1.0, "degC": 8.0, "rad": 0.2}
+"""The same at least, in the signal's unit: a pose, a temperature and a slow speed matter little within it."""
+
+ENDS = (0.5, 99.5)
+"""Percentiles between which the range of a signal lies; single readings are noise."""
+
+TURN = 2.0 * math.pi
+"""rad at the output: runs over a full turn have seen every pose."""
+
+SLOW = 0.5
+"""s over which a residual is averaged before runs are compared."""
+
+UNLIKE = 4.0
+"""Times the typical slow error of the other runs from which on a run does not fit with them."""
+
+WORSE = 1.5
+"""The same for a run that lies beyond the range of the fitted ones."""
+
+ABOVE_NOISE = 3.0
+"""Times what white noise leaves of such means."""
+
+FEWEST_OTHERS = 2
+"""Runs with which one is compared; of two nobody knows which is the odd one."""
+
+MOST_UNLIKE = 1.0 / 3.0
+"""Share of the runs that may be odd; if more are, it is the model that does not fit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outside:
+    """A signal of a run that leaves the range `low` to `high` of other runs: it reaches `value`; all in `unit`."""
+
+    run: str
+    procedure: str
+    signal: str
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class Unlike:
+    """A run whose slow error of one equation is far above that `typical` of the others; both in `unit`."""
+
+    run: str
+    equation: str
+    procedure: str
+    slow: float
+    typical: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class WrongExperiments:
+    """What is said of such runs, and the names of those whose error says nothing of the model."""
+
+    runs: frozenset[str]
+    open: tuple[Open, ...]
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Where a signal lies in a run, in `unit`; `noise`: five standard deviations of it."""
+
+    low: float
+    high: float
+    noise: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """What went into one run: ranges by signal."""
+
+    run: str
+    procedure: str
+    ranges: Mapping[str, Range]
+
+
+def wrong_experiments(
+    train: Sequence[Track], held_out: Sequence[Track], residuals: Sequence[Residual]
+) -> WrongExperiments:
+    """Judge all runs of a campaign. `residuals`: after, of both sides."""
+    fitted, others = [inputs_of(track) for track in train], [inputs_of(track) for track in held_out]
+    everyone = {item.run: item for item in (*fitted, *others)}
+    beyond = {item.run: outside(item, fitted) for item in others}
+    found: list[Unlike] = []
+    worse: set[str] = set()
+    groups: dict[tuple[str, str], list[Residual]] = {}
+    for residual in residuals:
+        groups.setdefault((residual.piece.equation.value, residual.piece.track.procedure.value), []).append(residual)
+    for members in groups.values():
+        odd = unlike(members)
+        rest = [item for name, item in everyone.items() if name not in {one.run for one in odd}]
+        found += [item for item in odd if not beyond.get(item.run) and not outside(everyone[item.run], rest)]
+        worse |= _worse([r for r in members if beyond.get(r.piece.track.name)], members, {item.run for item in fitted})
+    return WrongExperiments(
+        frozenset([*worse, *(item.run for item in found)]),
+        tuple(_open([item for item in found if item.run == run]) for run in dict.fromkeys(one.run for one in found)),
+        tuple(_said(item, item.run in worse) for items in beyond.values() for item in items),
+    )
+
+
+def outside(run: Inputs, others: Sequence[Inputs]) -> tuple[Outside, ...]:
+    """Give every input by which a run lies beyond the range of the other runs of its procedure."""
+    found = []
+    like = [other for other in others if other.procedure == run.procedure and other.run != run.run]
+    for name, own in run.ranges.items():
+        known = [other.ranges[name] for other in like if name in other.ranges]
+        if not known:
+            continue
+        low, high = min(r.low for r in known), max(r.high for r in known)
+        if name == "output_position" and high - low >= TURN:
+            continue
+        scale = max(high - low, abs(low), abs(high)) if own.unit in SCALED else high - low
+        margin = max(BEYOND * scale, LEAST_BEYOND[own.unit], own.noise)
+        if own.high > high + margin or own.low < low - margin:
+            value = own.high if own.high - high > low - own.low else own.low
+            found.append(Outside(run.run, run.procedure, name, value, low, high, own.unit))
+    return tuple(found)
+
+
+SCALED = ("N*m", "rad/s")
+"""Units in which zero means nothing: a share of the largest size is a share."""
+
+
+def unlike(residuals: Sequence[Residual]) -> tuple[Unlike, ...]:
+    """Give the runs, of one equation and procedure, whose slow error is `UNLIKE` times that of the others or more."""
+    slow = {r.piece.track.name: _slow(r) for r in residuals}
+    if len(slow) <= FEWEST_OTHERS:
+        return ()
+    found = []
+    for residual in residuals:
+        name = residual.piece.track.name
+        typical = float(np.median([value for other, value in slow.items() if other != name]))
+        if slow[name] > max(UNLIKE * typical, ABOVE_NOISE * _noise(residual)) and slow[name] > 0.0:
+            equation, procedure = residual.piece.equation, residual.piece.track.procedure
+            found.append(Unlike(name, equation.value, procedure.value, slow[name], typical, equation.unit))
+    return tuple(found) if len(found) <= MOST_UNLIKE * len(slow) else ()
+
+
+def _worse(beyond: Sequence[Residual], members: Sequence[Residual], fitted: Set[str]) -> set[str]:
+    """Give the runs, of those beyond the range of the fitted ones, whose slow error is larger than theirs."""
+    known = [_slow(residual) for residual in members if residual.piece.track.name in fitted]
+    typical = float(np.median(known)) if known else 0.0
+    return {r.piece.track.name for r in beyond if _slow(r) > max(WORSE * typical, ABOVE_NOISE * _noise(r))}
+
+
+def _noise(residual: Residual) -> float:
+    """Give what white noise leaves of the means of a residual."""
+    return residual.fast / math.sqrt(_window(residual))
+
+
+def inputs_of(track: Track) -> Inputs:
+    """Give the ranges of what goes into the model and is not predicted by it, at the samples that count."""
+    use = track.usable & track.steady if track.moves else track.usable
+    turns = "motor_velocity" if track.motor_position is not None else "output_velocity"
+    # of either sign: a device that turns the same way has its motor's signs turned
+    drive = None if track.motor_torque is None else np.abs(track.motor_torque)
+    locked = track.procedure is ProcedureName.LOCKED_OUTPUT
+    known = {
+        "output_torque": None if locked else track.output_torque,
+        "motor_torque": drive if locked else None,
+        turns: np.abs(track.speed) if track.moves else None,
+        "output_position": track.output_position,
+        "temperature": track.auxiliary.get("temperature"),
+        "motor_temperature": track.auxiliary.get("motor_temperature"),
+    }
+    ranges = {
+        name: _range(values[use], "rad/s" if name == turns else BY_NAME[name].unit)
+        for name, values in known.items()
+        if values is not None and use.any()
+    }
+    return Inputs(track.name, track.procedure.value, ranges)
+
+
+def _range(values: Floats, unit: str) -> Range:
+    low, high = np.percentile(values, ENDS)
+    noise = 5.0 * float(np.sqrt(np.mean(np.diff(values) ** 2) / 2.0)) if values.size > 1 else 0.0
+    return Range(float(low), float(high), noise, unit)
+
+
+def _window(residual: Residual) -> int:
+    return max(1, round(SLOW / residual.piece.track.period))
+
+
+def _slow(residual: Residual) -> float:
+    window = _window(residual)
+    count = residual.values.size // window
+    if count == 0:
+        return 0.0
+    return float(np.sqrt(np.mean(residual.values[: count * window].reshape(count, window).mean(axis=1) ** 2)))
+
+
+def _said(item: Outside, worse: bool) -> str:
+    end = (
+        "its larger error is that of a wrong experiment, not of a missing effect, and is not held against the model"
+        if worse
+        else "a larger error there would be a wrong experiment, not a missing effect"
+    )
+    return (
+        f"{item.run} (held out): {item.signal} reaches {item.value:.4g} {item.unit}, outside {item.low:.4g} to "
+        f"{item.high:.4g} {item.unit} of the {item.procedure} runs that were fitted; {end}. Hold out a run within that "
+        f"range, or fit one like it."
+    )
+
+
+def _open(items: Sequence[Unlike]) -> Open:
+    """Say that a run does not fit with the others; `items`: its equations in which that shows."""
+    run, procedure = items[0].run, items[0].procedure
+    evidence: dict[str, Json] = {
+        "equation": ", ".join(item.equation for item in items),
+        "procedure": procedure,
+        "run": run,
+        "rms_slow": [item.slow for item in items],
+        "rms_slow_of_others": [item.typical for item in items],
+        "unit": ", ".join(item.unit for item in items),
+        "meaning": f"{run} does not fit with the other {procedure} runs though its recorded inputs are theirs: another "
+        f"load, pose or condition that was not recorded, a wrong experiment and not a missing effect; repeat it under "
+        f"the conditions of the others",
+    }
+    return Open(verdict=Verdict.UNTRACED, evidence=evidence)

@@ -1,0 +1,240 @@
+"""Logs and device files that are wrong: what is wrong is said with its name and value, and no effect is made up."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from drivers.errors import DataError
+from rig.cli import app
+from rig.log.run import Run
+from rig.loop.campaign import LoopOptions, split_runs
+from rig.loop.result import LoopResult, Verdict
+from rig.loop.signals.checks import check_gear, check_signs, check_torques, torque_factor
+from rig.loop.signals.living import living
+from rig.loop.signals.tracks import make_track
+from rig.loop.trace import trace
+from tests.independent.campaign import DUT, Campaign, Plan
+from tests.independent.laws import shd_17_100
+from tests.rig.loop.runs import dut, make_run, runs_of, turning_run
+
+LOCKED = Plan(locked_angles=6, locked_pairs=1, backdrives=0, free_runs=0)
+FREE = Plan(locked_angles=0, locked_pairs=0, backdrives=0, free_runs=4, free_run_pairs=1)
+MOTOR = ("motor_torque", "motor_current")
+
+
+def drawn(plan: Plan, seed: int = 2001) -> tuple[tuple[Run, ...], tuple[str, ...]]:
+    return runs_of(Campaign(seed, plan=plan, rate=100.0))
+
+
+def with_values(run: Run, **values: float) -> Run:
+    """Give the run with some signals held at one value throughout."""
+    held = {name: np.full(run.time.size, value) for name, value in values.items()}
+    return replace(run, signals={**run.signals, **held})
+
+
+def scaled(run: Run, factors: Mapping[str, float]) -> Run:
+    return replace(run, signals={name: factors.get(name, 1.0) * v for name, v in run.signals.items()})
+
+
+def traced(plan: Plan, text: str = DUT, seed: int = 2001) -> LoopResult:
+    runs, held_out = drawn(plan, seed)
+    return trace(runs, dut(text), LoopOptions(held_out=held_out))
+
+
+# -- runs
+
+
+def test_replicates_alone_leave_nothing_to_hold_out_and_are_named() -> None:
+    runs = [replace(turning_run(name, seed), replicate="pair") for seed, name in enumerate("ab")]
+    with pytest.raises(DataError, match="no procedure has two that are no replicates of each other") as caught:
+        split_runs(runs, LoopOptions())
+    assert "replicates of pair" in str(caught.value)
+    assert "Record a further run" in str(caught.value)
+
+
+def test_one_run_of_each_procedure_leaves_nothing_to_hold_out() -> None:
+    one = turning_run("a", 1)
+    with pytest.raises(DataError, match="nothing can be held out"):
+        split_runs([one, make_run("b", "locked-output", one.time, one.signals)], LoopOptions())
+
+
+# -- channels that stand still
+
+
+def test_a_campaign_in_which_nothing_changes_is_refused_with_its_channels() -> None:
+    runs = [with_values(turning_run(n, 1), motor_position=1.0, output_position=2.0, motor_torque=0.0) for n in "ab"]
+    runs = [with_values(run, output_torque=0.0) for run in runs]
+    with pytest.raises(DataError, match="nothing changes in any run: motor_position, motor_torque") as caught:
+        trace(runs, dut(), LoopOptions())
+    assert "connected" in str(caught.value)
+
+
+@pytest.mark.parametrize("channel", ["motor_position", "output_position", "motor_torque", "output_torque"])
+def test_a_channel_that_stands_still_while_the_drive_turns_is_taken_as_not_recorded(channel: str) -> None:
+    runs = [with_values(turning_run("a", 1), **{channel: 0.5}), turning_run("b", 2)]
+    (first, second), (warning,) = living(runs)
+    assert channel not in first.signals
+    assert set(first.signals) | {channel} == set(runs[0].signals)
+    assert second.signals == runs[1].signals
+    assert warning == f"a: {channel} stood still while the drive moved, taken as not recorded."
+
+
+def test_a_locked_output_and_a_held_motor_are_not_dead() -> None:
+    time = np.arange(0.0, 10.0, 0.01)
+    sweep = np.sin(time)
+    locked = {"motor_position": 0.1 * sweep, "output_position": np.zeros(1000), "output_torque": sweep}
+    held = {"motor_position": np.zeros(1000), "output_position": 1e-3 * sweep, "output_torque": sweep}
+    runs = [make_run("l", "locked-output", time, locked), make_run("h", "backdrive", time, held)]
+    assert living(runs) == (tuple(runs), ())
+
+
+def test_a_sweep_whose_torque_is_dead_is_left_out_where_others_have_it_and_no_effect_is_made_of_it() -> None:
+    runs, held_out = drawn(LOCKED)
+    result = trace([with_values(runs[0], output_torque=1.0), *runs[1:]], dut(), LoopOptions(held_out=held_out))
+    assert (result.verdict, result.effects) == (Verdict.NONE, ())
+    assert any(f"{runs[0].name}: output_torque stood still" in text and "Repeat it" in text for text in result.warnings)
+    assert runs[0].name not in result.model.runs
+
+
+def test_motor_torque_that_is_zero_throughout_gives_no_equation_of_it_and_no_gain_as_an_effect() -> None:
+    runs, held_out = drawn(FREE)
+    dead = [with_values(run, motor_torque=0.0, motor_current=0.0) for run in runs]
+    result = trace(dead, dut(), LoopOptions(held_out=held_out))
+    assert result.effects == ()
+    assert "motor-torque" not in result.equations
+    assert sum("motor_torque and motor_current stood still" in text for text in result.warnings) == len(runs)
+
+
+def test_a_dead_motor_encoder_does_not_turn_the_friction_round() -> None:
+    runs, held_out = drawn(FREE)
+    dead = [with_values(run, motor_position=1.0) for run in runs]
+    result = trace(dead, dut(), LoopOptions(held_out=held_out))
+    assert result.effects == ()
+    assert result.model.base.parameters["T_c"].value == pytest.approx(shd_17_100().T_c, rel=0.02)
+
+
+# -- a device file that contradicts the data
+
+
+@pytest.mark.parametrize("given", [200.0, 50.0, 102.0, 1000.0])
+def test_a_wrong_ratio_is_refused_with_the_measured_one(given: float) -> None:
+    device = dut(f'name = "x"\n[gear]\nratio = {given}\n')
+    with pytest.raises(DataError, match=r"gear\.ratio.*but the motor turns 100 times"):
+        check_gear([make_track(turning_run("a", 1), device)], device)
+
+
+@pytest.mark.parametrize(
+    ("channel", "factor", "words"),
+    [
+        ("motor_position", 4.0, "motor turns 400 times"),
+        ("output_position", 0.25, "motor turns 400 times"),
+        ("motor_position", -1.0, "the encoders say 'same'"),
+        ("output_position", -1.0, "the encoders say 'same'"),
+    ],
+)
+def test_a_wrong_count_or_sign_of_an_encoder_is_refused(channel: str, factor: float, words: str) -> None:
+    with pytest.raises(DataError, match=words):
+        check_gear([make_track(turning_run("a", 1, **{channel: factor}), dut())], dut())
+
+
+@pytest.mark.parametrize("names", [("output_torque",), MOTOR, ("motor_position",)])
+def test_a_wrong_sign_in_a_locked_sweep_is_refused_with_its_channel(names: tuple[str, ...]) -> None:
+    runs, _ = drawn(LOCKED)
+    track = make_track(scaled(runs[0], dict.fromkeys(names, -1.0)), dut())
+    with pytest.raises(DataError, match="and torsion fall together") as caught:
+        check_signs([track], 100.0)
+    assert caught.value.column in ("output_torque", "motor_torque")
+    assert "correct the rotation" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("plan", "ratio", "motor", "said"),
+    [
+        (LOCKED, 200.0, 1.0, "no run turns"),
+        (LOCKED, 50.0, 1.0, "no run turns"),
+        (LOCKED, 1000.0, 1.0, "no run turns"),
+        (LOCKED, 100.0, 2.0, "the torque constant"),
+        (LOCKED, 100.0, 0.5, "the torque constant"),
+        (replace(LOCKED, locked_angles=0, locked_pairs=0, backdrives=3), 50.0, 1.0, "no run turns"),
+    ],
+)
+def test_sweeps_alone_contradict_a_gross_ratio_or_torque_constant(
+    plan: Plan, ratio: float, motor: float, said: str
+) -> None:
+    runs, _ = drawn(plan)
+    tracks = [make_track(scaled(run, dict.fromkeys(MOTOR, motor)), dut()) for run in runs]
+    with pytest.raises(DataError, match="output_torque moves by") as caught:
+        check_torques(tracks, ratio)
+    assert said in str(caught.value)
+    assert caught.value.value == pytest.approx(100.0 / ratio / motor, rel=0.02)
+
+
+@pytest.mark.parametrize("seed", range(2001, 2006))
+def test_the_factor_between_the_torques_is_one_whatever_the_friction_between_them(seed: int) -> None:
+    plan = replace(LOCKED, locked_angles=3, backdrives=2, peaks=(0.0, 0.3, -0.3, 0.3, 0.0))
+    tracks = [make_track(run, dut()) for run in drawn(plan, seed)[0]]
+    assert torque_factor(tracks, 100.0) == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_ratio_that_no_run_can_measure_is_said_to_be_taken_as_given() -> None:
+    result = traced(LOCKED, DUT.replace("ratio = 100", "ratio = 102"))
+    assert Verdict.NAMED not in {step.verdict for step in result.steps}
+    assert any("102 was taken as given" in text and "a free run of one turn" in text for text in result.warnings)
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_a_catalogue_stiffness_that_is_off_is_absorbed_with_its_group_and_no_effect(factor: float) -> None:
+    text = DUT.replace("8.4e3", f"{factor * 8.4e3}").replace("9.4e3", f"{factor * 9.4e3}")
+    result = traced(LOCKED, text)
+    assert (result.verdict, result.effects) == (Verdict.ABSORBED, ())
+    (told,) = result.open
+    assert told.parameter == "K_F0"
+    assert told.deviation == pytest.approx(1.0 / factor - 1.0, abs=0.02)
+    assert {"fixture-compliance", "torque-sensor-gain"} <= set(told.group)
+
+
+def test_a_torque_constant_that_is_a_tenth_off_is_told_with_its_group_and_never_as_one_name() -> None:
+    runs, held_out = drawn(LOCKED)
+    result = trace([scaled(r, dict.fromkeys(MOTOR, 1.1)) for r in runs], dut(), LoopOptions(held_out=held_out))
+    assert Verdict.NAMED not in {step.verdict for step in result.steps}
+    told = [members for members in (*(s.members for s in result.steps), *(o.group for o in result.open)) if members]
+    assert any({"torque-constant-error", "torque-sensor-gain"} <= set(members) for members in told)
+
+
+@pytest.mark.parametrize("seed", [2001, 2002])
+def test_without_a_device_file_the_ratio_is_counted_and_its_error_is_no_eccentricity(seed: int) -> None:
+    result = traced(FREE, 'name = "unknown"\n', seed)
+    assert result.effects == ()
+    assert result.model.base.ratio == 100.0
+    assert any("gives no ratio" in text for text in result.warnings)
+
+
+def test_a_ratio_is_measured_leg_by_leg_because_each_direction_has_its_torsion() -> None:
+    run = turning_run("a", 1, ratio=57.3)
+    wound = run.signals["output_position"] + 2e-4 * np.sign(np.gradient(run.signals["motor_position"]))
+    ratio = check_gear([make_track(replace(run, signals={**run.signals, "output_position": wound}), dut())], BARE)
+    assert ratio == pytest.approx(57.3, rel=2e-7)
+
+
+BARE = dut('name = "x"\n')
+
+
+# -- the command
+
+
+def test_the_command_ends_with_5_and_one_paragraph_that_names_channel_value_and_remedy(tmp_path: Path) -> None:
+    for name in "ab":
+        rows = "\n".join(f"{k / 100},1,2,0" for k in range(200))
+        header = "time[s],motor_position[rad],output_position[rad],motor_torque[N*m]"
+        (tmp_path / f"{name}.csv").write_text(f"{header}\n{rows}\n")
+        (tmp_path / f"{name}.toml").write_text('procedure = "free-run"\n')
+    answer = CliRunner().invoke(app, ["loop", str(tmp_path), "-o", str(tmp_path / "out")])
+    assert answer.exit_code == 5
+    told = " ".join(answer.stderr.split())
+    assert "nothing changes in any run: motor_position, motor_torque, output_position constant" in told
+    assert "Check that the channels are connected" in told
+    assert "Traceback" not in answer.output

@@ -1,0 +1,122 @@
+"""Runs taken with another pose, load or temperature: a wrong experiment is said, and no missing effect inferred."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rig.log.run import Run
+from rig.loop.campaign import LoopOptions
+from rig.loop.result import LoopResult, Verdict
+from rig.loop.signals.tracks import make_track
+from rig.loop.statements.wrong_experiment import inputs_of, outside
+from rig.loop.trace import trace
+from tests.independent.campaign import Campaign, Plan
+from tests.independent.effects import Arm, Effects, Line
+from tests.rig.loop.runs import dut, runs_of, turning_run
+
+FREE = Plan(locked_angles=0, locked_pairs=0, backdrives=0, free_runs=4, free_run_pairs=1)
+KINEMATIC = Effects(kinematic_error=(Line(2.0, 1e-4, 0.3),))
+ARM = Arm(0.8, 0.9)
+"""0.8 N*m at the output: 8 mN*m at the motor, some tens of times the floor."""
+
+
+def with_arm_on(names: tuple[str, ...], effects: Effects) -> tuple[tuple[Run, ...], tuple[str, ...]]:
+    """Draw a campaign, the runs `names` with an arm on the output that nobody recorded."""
+    runs, held_out = runs_of(Campaign(2001, effects=effects, plan=FREE, rate=100.0))
+    loaded, _ = runs_of(Campaign(2001, effects=replace(effects, gravity_load=ARM), plan=FREE, rate=100.0))
+    assert [run.name for run in runs] == [run.name for run in loaded]
+    return tuple(b if a.name in names else a for a, b in zip(runs, loaded, strict=True)), held_out
+
+
+def odd_runs(result: LoopResult) -> list[str]:
+    return [str(item.evidence["run"]) for item in result.open if "wrong experiment" in str(item.evidence["meaning"])]
+
+
+@pytest.mark.parametrize("name", ["free-run-04", "free-run-03", "free-run-01a"])
+def test_one_run_with_another_load_pose_is_named_whether_held_out_or_fitted_and_no_effect_is(name: str) -> None:
+    runs, held_out = with_arm_on((name,), Effects())
+    result = trace(runs, dut(), LoopOptions(held_out=held_out))
+    assert result.effects == ()
+    assert result.verdict is Verdict.UNTRACED
+    assert odd_runs(result) == [name]
+
+
+def test_a_held_out_run_with_another_pose_does_not_speak_against_what_was_added() -> None:
+    runs, held_out = with_arm_on(("free-run-04",), KINEMATIC)
+    assert held_out == ("free-run-04",)
+    result = trace(runs, dut(), LoopOptions(held_out=held_out))
+    assert result.effects == ("kinematic-error",)
+    assert result.steps[0].verdict is Verdict.NAMED
+    assert odd_runs(result) == ["free-run-04"]
+    assert [item for item in result.open if "run" not in item.evidence] == []
+
+
+def test_an_arm_on_every_run_is_a_gravity_load_and_no_wrong_experiment() -> None:
+    names = ("free-run-01a", "free-run-01b", "free-run-02", "free-run-03", "free-run-04")
+    runs, held_out = with_arm_on(names, Effects())
+    result = trace(runs, dut(), LoopOptions(held_out=held_out))
+    assert result.effects == ("gravity-load",)
+    assert odd_runs(result) == []
+
+
+@pytest.mark.parametrize("held_out", [("free-run-04",), ("free-run-03", "free-run-04")])
+def test_held_out_runs_that_were_hotter_are_told_with_their_range_and_not_held_against_the_model(
+    held_out: tuple[str, ...],
+) -> None:
+    runs, _ = runs_of(Campaign(2001, plan=FREE, rate=100.0))
+    result = trace(
+        [hotter(run) if run.name in held_out else run for run in runs], dut(), LoopOptions(held_out=held_out)
+    )
+    assert (result.verdict, result.effects) == (Verdict.NONE, ())
+    told = [text for text in result.warnings if "wrong experiment" in text and "temperature reaches" in text]
+    assert [text.split()[0] for text in told] == list(held_out)
+    assert all("degC of the free-run runs that were fitted; its larger error" in text for text in told)
+    assert all("Hold out a run within that range, or fit one like it" in text for text in told)
+    errors = result.equations["motor-torque"].held_out
+    assert errors is not None
+    assert errors.floor_ci95 is not None
+    assert errors.rms_after > errors.floor_ci95[1]  # the error itself is reported as it is
+
+
+def hotter(run: Run) -> Run:
+    """Give the run 30 K warmer, with a third less friction."""
+    signals = dict(run.signals)
+    signals["temperature"] = signals["temperature"] + 30.0
+    signals["motor_torque"] = 0.67 * signals["motor_torque"]
+    return replace(run, signals=signals)
+
+
+# -- ranges
+
+
+def ranges_with(**changes: float) -> tuple[str, ...]:
+    """Give the signals by which a run with further torque, temperature or pose leaves the range of three others."""
+    others = [inputs_of(make_track(warm(turning_run(n, k)), dut())) for k, n in enumerate("abc")]
+    run = warm(turning_run("d", 4, speed=changes.pop("speed", 20.0)))
+    signals = {name: values + changes.get(name, 0.0) for name, values in run.signals.items()}
+    found = outside(inputs_of(make_track(replace(run, signals=signals), dut())), others)
+    return tuple(item.signal for item in found)
+
+
+def warm(run: Run) -> Run:
+    return replace(run, signals={**run.signals, "temperature": np.full(run.time.size, 25.0)})
+
+
+@pytest.mark.parametrize(
+    ("changes", "signals"),
+    [
+        ({}, ()),
+        ({"output_torque": 5.0}, ("output_torque",)),
+        ({"output_torque": 0.05}, ()),  # within the noise of the sensor
+        ({"temperature": 15.0}, ("temperature",)),
+        ({"temperature": 5.0}, ()),
+        ({"speed": 40.0}, ("motor_velocity", "output_position")),
+        ({"output_position": 2.5}, ("output_position",)),
+        ({"output_position": 0.05}, ()),  # the zero of an encoder
+    ],
+)
+def test_a_run_leaves_the_range_of_others_by_what_was_put_into_it(
+    changes: dict[str, float], signals: tuple[str, ...]
+) -> None:
+    assert ranges_with(**changes) == signals
