@@ -32,6 +32,16 @@ class RigError(Exception):
         self.hint = hint
         self.facts: dict[str, object] = facts
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """Travel between processes as made, whatever the constructor of a subclass takes."""
+        return _restored, (type(self), self.args, self.__dict__)
+
+
+def _restored(kind: "type[RigError]", args: tuple[object, ...], state: dict[str, object]) -> "RigError":
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(state)
+    return error
+
 
 @dataclass(frozen=True, slots=True)
 class Mistake:

@@ -22,6 +22,16 @@ def shown(value: object) -> str:
 class ModelError(ValueError):
     """A parameter or a state that the model cannot have. The message names it, its value, unit and range."""
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """Travel between processes as made, whatever the constructor of a subclass takes."""
+        return _restored, (type(self), self.args, self.__dict__)
+
+
+def _restored(kind: "type[ModelError]", args: tuple[object, ...], state: dict[str, object]) -> "ModelError":
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(state)
+    return error
+
 
 class NotFiniteError(ModelError):
     """The plant's numbers left the finite ones. `time`: s, where the plant stands; `signals`: what was lost."""

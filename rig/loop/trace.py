@@ -38,7 +38,7 @@ from rig.loop.search.select import select
 from rig.loop.signals.checks import check_gear, check_magnitudes, check_signs, check_torques, measured_slope
 from rig.loop.signals.living import living
 from rig.loop.signals.tracks import Track, make_track, thin_track
-from rig.loop.statements.events import events_of, without_events
+from rig.loop.statements.events import Event, events_of, without_events
 from rig.loop.statements.metrics import Floor, Residual, errors, floor_of, pooled, residual_of
 from rig.loop.statements.open_statements import open_statements
 from rig.loop.statements.report_steps import model_of, steps_of
@@ -126,11 +126,13 @@ def _traced(
     fastest = min(fastest, _known_speed(pieces, selection))
     final = selection.fit
     pairs = tracks.spread(_before_and_after, ratio, fastest, base.model, final.model).gather()
+    events = events_of(_after(pairs), dut, final.model)
+    pairs = [replace(pair, events=some) for pair, some in zip(pairs, events, strict=True)]
     sides = {
         "train": [pair for pair in pairs if pair.after.piece.track.name in names],
         "held_out": [pair for pair in pairs if pair.after.piece.track.name not in names],
     }
-    wrong = wrong_experiments(train, held_out, [*_after(sides["train"]), *_after(sides["held_out"])])
+    wrong = wrong_experiments(train, held_out, [pair.calm for pair in pairs])
     equations = _equations(sides, dut, final.model, wrong.runs)
     _refuse_leaks(equations, campaign.held_out)
     changes = {
@@ -142,7 +144,8 @@ def _traced(
     entries = [decision.kind.enters for decision in selection.decisions]
     fitting = {side: [pair for pair in pairs if _run(pair) not in wrong.runs] for side, pairs in sides.items()}
     judged = _equations(fitting, dut, final.model, wrong.runs)
-    still_open = open_statements(selection, _after(fitting["train"]), _after(fitting["held_out"]), judged, dut)
+    left = [pair.events for side in ("train", "held_out") for pair in fitting[side]]
+    still_open = open_statements(selection, _after(fitting["train"]), _after(fitting["held_out"]), left, judged, dut)
     still_open = (*wrong.open, *still_open)
     steps, still_open = with_next_experiments(steps, selection.decisions, still_open, final, runs, dut, known)
     warnings = (
@@ -334,6 +337,12 @@ def settled_pieces(pieces: Sequence[Piece], start: Model) -> list[Piece]:
 class _BeforeAfter:
     before: Residual
     after: Residual
+    events: tuple[Event, ...] = ()
+
+    @property
+    def calm(self) -> Residual:
+        """What is left without steps at single moments, which are no noise."""
+        return without_events(self.after, self.events)
 
 
 def _before_and_after(
@@ -361,10 +370,7 @@ def _equations(
     for equation in Equation:
         if not any(pair.after.piece.equation is equation for pair in known):
             continue
-        recorded = [pair.after for pair in known if pair.after.piece.equation is equation and _run(pair) not in odd]
-        # steps at single moments are no noise: with them in it the floor is too high
-        steps = events_of(recorded, dut, model)
-        replicates = [without_events(residual, some) for residual, some in zip(recorded, steps, strict=True)]
+        replicates = [pair.calm for pair in known if pair.after.piece.equation is equation and _run(pair) not in odd]
         results = {}
         for side, pairs in sides.items():
             own = [pair for pair in pairs if pair.after.piece.equation is equation]

@@ -58,7 +58,8 @@ def _finding(loop: LoopFile) -> str:
             return _absorbed(loop)
         case "uncontrolled":
             left = listed(_open_equations(loop)) or "the error"
-            return f"What is left of {left} does not repeat: single events, or something that is not held"
+            found = f", after adding {listed(added)}," if added else ""
+            return f"What is left of {left}{found} does not repeat: single events, or something that is not held"
         case "untraced":
             found = f", after adding {listed(added)}," if added else ""
             return (

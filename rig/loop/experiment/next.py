@@ -164,7 +164,7 @@ def _of_open(
         return _told(item.group, found, chosen, bench, None)
     if item.group:
         return NextExperiment(_too_little(item.group), "")
-    if item.verdict is Verdict.UNCONTROLLED:
+    if "odd_runs" in item.evidence:
         return _odd_again(item, runs, bench)
     repeating = float(str(item.evidence.get("replicate_pairs") or 0)) > 0
     procedures = [str(item.evidence["procedure"])] if "procedure" in item.evidence else [run.procedure for run in runs]

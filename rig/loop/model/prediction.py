@@ -187,17 +187,17 @@ def _torsion(track: Track, model: Model) -> Evaluation:
 
 
 def _predicted_positions(track: Track, torsion: Floats, N: float) -> dict[str, Floats]:
-    """Give theta_m = N (torsion - theta_o) about the run's mean angles; in a backdrive the motor is held."""
+    """Give theta_m = N (torsion - theta_o) about the run's mean angles; in a backdrive the output turns."""
     motor, output = track.motor_position, track.output_position
     if motor is None or output is None:
         raise ValueError("torsion needs both positions")
-    held = track.procedure is ProcedureName.BACKDRIVE
-    yielding = np.zeros(track.size) if held else _yield_of_lock(track, output)
-    wound = np.zeros(track.size) if held else N * (torsion - float(torsion.mean()) - yielding)
-    return {
-        "motor_position": float(motor.mean()) + wound,
-        "output_position": float(output.mean()) + yielding,
-    }
+    wound = torsion - float(torsion.mean())
+    if track.procedure is ProcedureName.BACKDRIVE:
+        moved, turned = wound, np.zeros(track.size)
+    else:
+        moved = _yield_of_lock(track, output)
+        turned = N * (wound - moved)
+    return {"motor_position": float(motor.mean()) + turned, "output_position": float(output.mean()) + moved}
 
 
 def _yield_of_lock(track: Track, output: Floats) -> Floats:

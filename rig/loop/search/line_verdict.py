@@ -76,7 +76,7 @@ def judge_line(
     if pick is None:
         return candidate.unadded(candidate.p_value, "another shape explains more") if significant else None
     decision, chosen = pick
-    for more in ((), *_companions(ground, chosen, candidates)):
+    for more in ((), *_companions(ground, chosen, candidates, alpha)):
         lines = (*ground.fit.model.lines, chosen.line, *more)
         joint = refit(pieces, ground.fit, replace(ground.fit.model, lines=lines))
         p_value = _second_look(ground, joint, candidate)
@@ -91,19 +91,19 @@ def judge_line(
 
 
 def _companions(
-    ground: Ground, chosen: LineCandidate, candidates: Sequence[LineCandidate]
+    ground: Ground, chosen: LineCandidate, candidates: Sequence[LineCandidate], alpha: float
 ) -> Iterator[tuple[Line, ...]]:
     """Give the other lines of the same sort that may be needed to see that this one is there: one, then two.
 
     A tooth or a bearing makes several lines. Where a run sees short pieces of a turn, another of them may show more
-    there, and hide that this one shows too.
+    there, and hide that this one shows too. None that may be chance at the false-alarm rate `alpha`.
     """
     kind, gain = chosen.proposal.kind, chosen.trial.gain
     ratio = ground.fit.model.ratio or 1.0
     found: list[LineCandidate] = []
     for other in candidates:
         apart = all(not same_place(ratio, other.proposal, one.proposal) for one in (chosen, *found))
-        large = other.trial.gain >= COMPANION_SHARE * gain
+        large = other.trial.gain >= COMPANION_SHARE * gain and other.p_value <= alpha
         if other.proposal.kind == kind and apart and large and not _already_there(ground, other.proposal):
             found.append(other)
             yield tuple(one.line for one in found)

@@ -126,7 +126,7 @@ def check_gear(tracks: Sequence[Track], dut: Dut) -> float | None:
         )
     if given is not None:
         return given
-    whole = round(-slope)
+    whole = max(round(-slope), 1)
     return float(whole) if abs(-slope / whole - 1.0) < NEARLY_WHOLE else -slope
 
 
@@ -140,6 +140,8 @@ def check_signs(tracks: Sequence[Track], ratio: float | None) -> None:
 def _check_torsion(track: Track, ratio: float | None) -> None:
     swept = track.procedure in (ProcedureName.LOCKED_OUTPUT, ProcedureName.BACKDRIVE) and not track.moves
     if not swept or ratio is None or track.motor_position is None or track.output_position is None:
+        return
+    if not track.usable.any():
         return
     torsion = track.output_position + track.motor_position / ratio
     for name, torque in (("output_torque", track.T), ("motor_torque", track.M)):

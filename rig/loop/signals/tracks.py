@@ -83,7 +83,7 @@ class Track:
     `swept_torque` (n * fine,): the polyline that the output torque follows, never thinned, None where it follows none;
     `output_torque`, `motor_torque` as recorded, `motor_current` (A) where it cannot be turned into a torque.
     `ripple`: how the rotor of a free run moves about its constant speed. `speed`: rad/s of the leg at the motor (at
-    the output if only that is known), 0 outside legs; `acceleration`: rad/s^2 of the same shaft;
+    the output if only that angle and no motor torque is known), 0 outside legs; `acceleration`: rad/s^2 of that shaft;
     `direction`: sign of the smoothed speed. `usable`: neither missing nor saturated; `steady`: inside a leg. `moves`:
     the run turns, so that its measured angle is far larger than any torsion. `auxiliary`: temperatures, voltages and
     further signals by name; `torque_constant`: N*m/A of the device, None if unknown.
@@ -151,7 +151,8 @@ def make_track(run: Run, dut: Dut) -> Track:
         usable &= ~flags
     if run.procedure in SWEEPS:
         unseen = in_long_gaps(run)
-        for name, values in (("output_torque", output_torque), ("motor_torque", motor_torque)):
+        swept = {"output_torque": output_torque, "motor_torque": motor_torque, "motor_current": current}
+        for name, values in swept.items():
             if values is not None:
                 usable &= ~doubtful_after(values, unseen | cut.get(name, unseen))
     if current is not None and dut.motor.torque_constant is not None:

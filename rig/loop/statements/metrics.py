@@ -8,7 +8,7 @@ through the model, as seen in the quiet dwell before a run.
 import itertools
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,9 @@ SAME_PERIOD = 1.2
 
 QUIET_TRAVEL = 2e-3
 """rad at the motor within which a run still dwells."""
+
+RECORDED_OTHERWISE = 2.0
+"""By how much wider a floor's interval is if its replicates were recorded otherwise than the runs in question."""
 
 LOADED = 20.0
 """A torque that has left its first value by this many times its own scatter is not a dwell."""
@@ -134,7 +137,10 @@ def floor_of(wanted: Sequence[Residual], known: Sequence[Residual], dut: Dut, mo
     """Give the floor of the residuals `wanted` of one equation and procedure; `known`: all runs with replicates."""
     procedure = wanted[0].piece.track.procedure
     same = [residual for residual in known if residual.piece.track.procedure is procedure]
-    measured, computed = _from_replicates(_alike(pairs(same), wanted), wanted), _computed(wanted, dut, model)
+    found = pairs(same)
+    measured, computed = _from_replicates(_alike(found, wanted), wanted), _computed(wanted, dut, model)
+    if measured is None and computed is None:
+        return _recorded_otherwise(found, wanted)
     if measured is None or computed is None or computed.rms <= measured.rms:
         return measured if measured is not None else computed
     # quantisation that repeats cancels between replicates: what is computed is the lower limit
@@ -176,6 +182,14 @@ def _alike(found: Sequence[tuple[Residual, Residual]], wanted: Sequence[Residual
         for pair in found
         if all(low <= item.piece.track.period <= high and _is_polyline(item) in smoothed for item in pair)
     ]
+
+
+def _recorded_otherwise(found: Sequence[tuple[Residual, Residual]], wanted: Sequence[Residual]) -> Floor | None:
+    """Give the floor, within wide limits, from replicates whose noise is not that of the runs in question."""
+    other = _from_replicates(found, wanted)
+    if other is None:
+        return None
+    return replace(other, low=other.low / RECORDED_OTHERWISE, high=other.high * RECORDED_OTHERWISE)
 
 
 def _is_polyline(residual: Residual) -> bool:
@@ -231,7 +245,7 @@ def _noisier(wanted: Sequence[Residual], replicates: Sequence[Residual]) -> floa
     left, measured = rms(r.fast for r in replicates), rms(r.fast_of_target for r in replicates)
     if left == 0.0:
         return 1.0
-    if measured < ALL_NOISE * left:
+    if 0.0 < measured < ALL_NOISE * left:
         return rms(r.fast_of_target for r in wanted) / measured
     return rms(r.fast for r in wanted) / left
 

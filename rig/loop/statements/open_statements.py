@@ -20,7 +20,7 @@ from rig.loop.search.decision import Selection
 from rig.loop.search.groups import LEAST_SLOPE, QUOTIENT
 from rig.loop.statements.channels import correlations
 from rig.loop.statements.colour import cleaned_away
-from rig.loop.statements.events import Event, events_of, without_events
+from rig.loop.statements.events import Event, without_events
 from rig.loop.statements.evidence import Memory, Repeats, memory, repeats
 from rig.loop.statements.metrics import LEAST_DWELL, Residual, dwell_of, pairs, quantisation_square
 from rig.loop.statements.report_steps import base_estimates
@@ -54,13 +54,16 @@ def open_statements(
     selection: Selection,
     train: Sequence[Residual],
     held_out: Sequence[Residual],
+    events: Sequence[tuple[Event, ...]],
     equations: Mapping[str, EquationResult],
     dut: Dut,
 ) -> tuple[Open, ...]:
-    """Give everything that stays open after the selection. `train`, `held_out`: residuals after, of all runs."""
+    """Give everything that stays open after the selection.
+
+    `train`, `held_out`: residuals after, of all runs; `events`: those of the ones and the others, in this order.
+    """
     model, used = selection.fit.model, {decision.kind.variable for decision in selection.decisions}
     runs = [*train, *held_out]
-    events = events_of(runs, dut, model)
     calm = [without_events(residual, found) for residual, found in zip(runs, events, strict=True)]
     found = [*_events(runs, events, used), *_left_over(calm[: len(train)], train, dut, model, used)]
     if not any(events):  # the sum of steps looks like many things

@@ -7,7 +7,7 @@ error is not had something else that nobody recorded: another load or pose, as a
 
 import math
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,9 @@ WORSE = 1.5
 ABOVE_NOISE = 3.0
 """Times what white noise leaves of such means."""
 
+LEAST_PART = 0.5
+"""Part of a run's whole error that the slow one is at least: what is mostly noise says nothing of a condition."""
+
 FEWEST_OTHERS = 2
 """Runs with which one is compared; of two nobody knows which is the odd one."""
 
@@ -66,7 +69,10 @@ class Outside:
 
 @dataclass(frozen=True, slots=True)
 class Unlike:
-    """A run whose slow error of one equation is far above that `typical` of the others; both in `unit`."""
+    """A run whose slow error of one equation is far above that `typical` of the others; both in `unit`.
+
+    `repeated`: a replicate of it has no such error.
+    """
 
     run: str
     equation: str
@@ -74,6 +80,7 @@ class Unlike:
     slow: float
     typical: float
     unit: str
+    repeated: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,10 +167,23 @@ def unlike(residuals: Sequence[Residual]) -> tuple[Unlike, ...]:
     for residual in residuals:
         name = residual.piece.track.name
         typical = float(np.median([value for other, value in slow.items() if other != name]))
-        if slow[name] > max(UNLIKE * typical, ABOVE_NOISE * _noise(residual)) and slow[name] > 0.0:
+        least = max(UNLIKE * typical, ABOVE_NOISE * _noise(residual), LEAST_PART * _rms(residual.values))
+        if slow[name] > least:
             equation, procedure = residual.piece.equation, residual.piece.track.procedure
             found.append(Unlike(name, equation.value, procedure.value, slow[name], typical, equation.unit))
-    return tuple(found) if len(found) <= MOST_UNLIKE * len(slow) else ()
+    return _with_replicates(found, residuals) if len(found) <= MOST_UNLIKE * len(slow) else ()
+
+
+def _with_replicates(found: Sequence[Unlike], residuals: Sequence[Residual]) -> tuple[Unlike, ...]:
+    """Say of every odd run whether a replicate of it is not odd."""
+    odd = {item.run for item in found}
+    groups = {residual.piece.track.name: residual.piece.track.replicate for residual in residuals}
+    fine = {group for name, group in groups.items() if group is not None and name not in odd}
+    return tuple(replace(item, repeated=groups[item.run] in fine) for item in found)
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
 
 
 def _worse(beyond: Sequence[Residual], members: Sequence[Residual], fitted: Set[str]) -> set[str]:
@@ -181,7 +201,8 @@ def _noise(residual: Residual) -> float:
 def inputs_of(track: Track) -> Inputs:
     """Give the ranges of what goes into the model and is not predicted by it, at the samples that count."""
     use = track.usable & track.steady if track.moves else track.usable
-    turns = "motor_velocity" if track.motor_position is not None else "output_velocity"
+    of_motor = track.motor_position is not None or track.motor_torque is not None or track.motor_current is not None
+    turns = "motor_velocity" if of_motor else "output_velocity"
     # of either sign: a device that turns the same way has its motor's signs turned
     drive = None if track.motor_torque is None else np.abs(track.motor_torque)
     locked = track.procedure is ProcedureName.LOCKED_OUTPUT
@@ -239,6 +260,7 @@ def _open(items: Sequence[Unlike]) -> Open:
         "equation": ", ".join(item.equation for item in items),
         "procedure": procedure,
         "run": run,
+        "odd_runs": [run],
         "rms_slow": [item.slow for item in items],
         "rms_slow_of_others": [item.typical for item in items],
         "unit": ", ".join(item.unit for item in items),
@@ -246,4 +268,6 @@ def _open(items: Sequence[Unlike]) -> Open:
         f"load, pose or condition that was not recorded, a wrong experiment and not a missing effect; repeat it under "
         f"the conditions of the others",
     }
-    return Open(verdict=Verdict.UNTRACED, evidence=evidence)
+    if any(item.repeated for item in items):
+        return Open(Verdict.UNCONTROLLED, {**evidence, "replicates": "a replicate of it has no such error"})
+    return Open(Verdict.UNTRACED, evidence)

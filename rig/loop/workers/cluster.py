@@ -5,6 +5,8 @@ from contextlib import AbstractContextManager
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
+from threadpoolctl import threadpool_limits
+
 from drivers.errors import ConfigError, Mistake
 from rig.loop.workers.held import Held, counts_of, every, flat, in_order, lists, shares, spread_places
 
@@ -51,15 +53,15 @@ class _OnCluster(Held[T]):
 
     def map(self, function: Callable[Concatenate[T, P], R], *args: P.args, **kwargs: P.kwargs) -> list[R]:
         """Give `function(item, ...)` of every item."""
-        return in_order(self._places, self._client.gather(self._ask(every, function, args, kwargs)))
+        return in_order(self._places, self._client.gather(self._ask(_every, function, args, kwargs)))
 
     def keep(self, function: Callable[Concatenate[T, P], R], *args: P.args, **kwargs: P.kwargs) -> Held[R]:
         """Leave the results on the workers."""
-        return _OnCluster(self._client, self._ask(every, function, args, kwargs), self._places)
+        return _OnCluster(self._client, self._ask(_every, function, args, kwargs), self._places)
 
     def spread(self, function: Callable[Concatenate[T, P], Iterable[R]], *args: P.args, **kwargs: P.kwargs) -> Held[R]:
         """Leave all results on the workers."""
-        several = _OnCluster[list[R]](self._client, self._ask(lists, function, args, kwargs), self._places)
+        several = _OnCluster[list[R]](self._client, self._ask(_lists, function, args, kwargs), self._places)
         counts = self._client.gather(several._ask(counts_of))
         return _OnCluster(self._client, several._ask(flat), spread_places(self._places, counts))
 
@@ -82,3 +84,13 @@ def _client(address: str) -> "Client":
         client.close()
         raise ConfigError("--scheduler", [Mistake("--scheduler", address, "this cluster has no worker")])
     return client
+
+
+def _every(items: list[Any], *rest: Any) -> list[Any]:
+    with threadpool_limits(1):  # sums are the same to the last bit only so
+        return every(items, *rest)
+
+
+def _lists(items: list[Any], *rest: Any) -> list[list[Any]]:
+    with threadpool_limits(1):
+        return lists(items, *rest)

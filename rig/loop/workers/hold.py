@@ -3,7 +3,10 @@
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from multiprocessing import current_process
 from typing import TypeVar
+
+from threadpoolctl import threadpool_limits
 
 from rig.loop.workers.held import Held, Here
 
@@ -26,16 +29,19 @@ def hold(items: Sequence[T], samples: Sequence[int], scheduler: str | None = Non
         with Cluster(scheduler) as cluster:
             yield cluster.hold(items, samples)
         return
-    count = min(cores(), len(items), round(sum(samples) / WORTH_A_PROCESS))
+    count = min(cores(), len(items), sum(samples) // WORTH_A_PROCESS)
     if count < 2:
-        yield Here(items)
+        with threadpool_limits(1):  # sums of a pool's processes are the same to the last bit only so
+            yield Here(items)
         return
     from rig.loop.workers.processes import Processes
 
-    with Processes(items, samples, count) as pool:
-        yield pool.items
+    with Processes(items, samples, count) as held:
+        yield held
 
 
 def cores() -> int:
-    """Give the number of cores that this process may use."""
+    """Give the number of cores that this process may use; 1 where it is one of a pool itself."""
+    if current_process().daemon:
+        return 1
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -12,14 +12,24 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from threadpoolctl import threadpool_limits
 
+from drivers.errors import RigError
 from rig.loop.workers.held import Held, counts_of, every, flat, in_order, lists, shares, spread_places
 
 T = TypeVar("T")
 R = TypeVar("R")
 P = ParamSpec("P")
 
+FIRST = 0
+"""Name of the items that a pool was made with."""
+
 PATIENCE = 5.0
 """s that a process is given to end by itself."""
+
+
+class LostProcessError(RigError):
+    """A process of the pool is gone."""
+
+    exit_code = 5
 
 
 class Processes:
@@ -27,7 +37,7 @@ class Processes:
 
     def __init__(self, items: Sequence[Any], sizes: Sequence[float], count: int) -> None:
         self._dropped: list[int] = []
-        self._next = 0
+        self._last = FIRST
         self._pipes: list[Connection] = []
         self._processes: list[Process] = []
         self._places = shares(sizes, count)
@@ -41,13 +51,9 @@ class Processes:
             self._pipes.append(ours)
             self._processes.append(process)
 
-    @property
-    def items(self) -> Held[Any]:
-        """The items that the pool was made with."""
-        return _Elsewhere(self, self.new_key(), self._places)
-
-    def __enter__(self) -> "Processes":
-        return self
+    def __enter__(self) -> Held[Any]:
+        """Give the items that the pool was made with."""
+        return _Elsewhere(self, FIRST, self._places)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -62,8 +68,8 @@ class Processes:
 
     def new_key(self) -> int:
         """Give a name for results that stay in the processes."""
-        self._next += 1
-        return self._next - 1
+        self._last += 1
+        return self._last
 
     def drop(self, key: int) -> None:
         """Forget results with the next task; safe wherever garbage is collected."""
@@ -76,12 +82,20 @@ class Processes:
         """
         dropped, self._dropped = self._dropped, []
         task = pickle.dumps((key, new, work, rest, dropped), protocol=pickle.HIGHEST_PROTOCOL)
-        for pipe in self._pipes:
-            pipe.send_bytes(task)
-        answers = [_received(pipe) for pipe in self._pipes]
-        for _, error in answers:
-            if error is not None:
-                raise error
+        try:
+            for pipe in self._pipes:
+                pipe.send_bytes(task)
+            answers: list[tuple[Any, BaseException | None]] = [pipe.recv() for pipe in self._pipes]
+        except (EOFError, OSError):
+            raise LostProcessError(
+                "A process of the loop ended before its work was done; killed, or out of memory.",
+                hint="Give fewer runs at once, or send them to a cluster with --scheduler.",
+            ) from None
+        errors = [error for _, error in answers if error is not None]
+        if errors:
+            if new is not None:
+                self.drop(new)
+            raise errors[0]
         return [answer for answer, _ in answers]
 
 
@@ -112,14 +126,6 @@ class _Elsewhere(Held[T]):
         return _Elsewhere(self._pool, single, spread_places(self._places, counts))
 
 
-def _received(pipe: Connection) -> tuple[Any, BaseException | None]:
-    try:
-        answer: tuple[Any, BaseException | None] = pipe.recv()
-    except (EOFError, OSError):
-        return None, RuntimeError("a process of the loop ended before its work was done (killed, or out of memory)")
-    return answer
-
-
 def _serve(pipe: Connection, items: list[Any], others: list[Connection]) -> None:
     """Do what comes through the pipe until its other end is closed. Interrupts are for the process there.
 
@@ -129,7 +135,7 @@ def _serve(pipe: Connection, items: list[Any], others: list[Connection]) -> None
         other.close()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    held = {0: items}
+    held = {FIRST: items}
     with threadpool_limits(1):
         while True:
             try:
@@ -137,20 +143,22 @@ def _serve(pipe: Connection, items: list[Any], others: list[Connection]) -> None
             except (EOFError, OSError):
                 return
             try:
-                answer, error = work(held[key], *rest), None
+                answer = work(held[key], *rest)
+                if new is not None:
+                    held[new], answer = answer, None
+                reply = pickle.dumps((answer, None), protocol=pickle.HIGHEST_PROTOCOL)
             except Exception as raised:
-                answer, error = None, _picklable(raised)
-            if new is not None and error is None:
-                held[new], answer = answer, None
+                reply = pickle.dumps((None, _picklable(raised)))
             for name in dropped:
                 held.pop(name, None)
-            pipe.send((answer, error))
+            pipe.send_bytes(reply)
 
 
 def _picklable(error: Exception) -> Exception:
     """Give the error itself where it can travel, or one that says the same."""
     try:
-        if type(pickle.loads(pickle.dumps(error))) is type(error):
+        again = pickle.loads(pickle.dumps(error))
+        if type(again) is type(error) and str(again) == str(error):
             return error
     except Exception:
         pass

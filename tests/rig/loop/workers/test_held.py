@@ -1,6 +1,7 @@
 """What every place where runs are worked on does alike: here, in processes, and on a Dask cluster."""
 
 import os
+import pickle
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from typing import Any
@@ -8,13 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.errors import ConfigError
+from drivers.errors import ConfigError, Mistake
 from rig.loop.campaign import LoopOptions
 from rig.loop.trace import trace
 from rig.loop.workers import hold as choosing
 from rig.loop.workers.held import Held, Here, shares
 from rig.loop.workers.hold import hold
-from rig.loop.workers.processes import Processes
+from rig.loop.workers.processes import LostProcessError, Processes
+from sim_backend.errors import ParameterError
 from tests.independent.campaign import Campaign
 from tests.independent.draws import draw
 from tests.rig.loop.runs import dut, runs_of
@@ -29,8 +31,8 @@ def here(items: list[Any]) -> Iterator[Held[Any]]:
 
 @contextmanager
 def processes(items: list[Any]) -> Iterator[Held[Any]]:
-    with Processes(items, [1.0] * len(items), 3) as pool:
-        yield pool.items
+    with Processes(items, [1.0] * len(items), 3) as held:
+        yield held
 
 
 @contextmanager
@@ -57,8 +59,19 @@ def as_many(item: int) -> range:
     return range(item)
 
 
+MISTAKE = Mistake("path", 3, "must not be 3")
+
+
 def refuse(item: int) -> int:
-    raise ConfigError(f"item {item}", [])
+    raise ConfigError(f"item {item}", [MISTAKE])
+
+
+def impossible(item: int) -> int:
+    raise ParameterError("amplitude", item, "rad", "must be smaller")
+
+
+def no_answer(_: int) -> Callable[[], int]:
+    return lambda: 3
 
 
 def process_of(_: int) -> int:
@@ -92,8 +105,22 @@ def test_what_is_spread_follows_its_item_even_where_there_is_none(place: Place) 
 @PLACES
 @slow_to_start
 def test_an_error_comes_back_as_it_was_raised(place: Place) -> None:
-    with place([7]) as held, pytest.raises(ConfigError, match="item 7"):
-        held.map(refuse)
+    with place([7]) as held:
+        with pytest.raises(ConfigError) as raised:
+            held.map(refuse)
+        assert raised.value.source == "item 7"
+        assert raised.value.mistakes == (MISTAKE,)
+        with pytest.raises(ParameterError, match="amplitude = 7 rad is not possible") as raised_by_model:
+            held.keep(impossible).gather()
+        assert raised_by_model.value.unit == "rad"
+        assert held.map(power, 1) == [7]
+
+
+def test_an_answer_that_cannot_travel_is_said() -> None:
+    with Processes([1], [1.0], 1) as held:
+        with pytest.raises((RuntimeError, AttributeError, pickle.PicklingError), match="pickle"):
+            held.map(no_answer)
+        assert held.map(power, 1) == [1]
 
 
 def test_items_are_divided_by_their_sizes_and_nobody_is_idle() -> None:
@@ -102,23 +129,25 @@ def test_items_are_divided_by_their_sizes_and_nobody_is_idle() -> None:
 
 
 def test_a_pool_works_in_as_many_processes_as_it_was_given() -> None:
-    with Processes([1, 2, 3, 4], [1.0] * 4, 2) as pool:
-        found = pool.items.map(process_of)
+    with Processes([1, 2, 3, 4], [1.0] * 4, 2) as held:
+        found = held.map(process_of)
     assert len(set(found)) == 2
     assert os.getpid() not in found
 
 
 def test_leaving_a_pool_ends_its_processes() -> None:
-    with Processes([1, 2], [1.0, 1.0], 2) as pool:
-        children = pool.items.map(process_of)
+    with Processes([1, 2], [1.0, 1.0], 2) as held:
+        children = held.map(process_of)
     for child in children:
         with pytest.raises(ProcessLookupError):
             os.kill(child, 0)
 
 
 def test_a_process_that_dies_is_said() -> None:
-    with Processes([1, 2], [1.0, 1.0], 2) as pool, pytest.raises(RuntimeError, match="ended before its work was done"):
-        pool.items.map(end)
+    with Processes([1, 2], [1.0, 1.0], 2) as held:
+        for _ in range(2):
+            with pytest.raises(LostProcessError, match="ended before its work was done"):
+                held.map(end)
 
 
 def end(item: int) -> None:
@@ -132,6 +161,16 @@ def test_few_samples_stay_here(monkeypatch: pytest.MonkeyPatch) -> None:
         assert held.map(process_of) == [os.getpid()] * 2
     with hold([1, 2], [100_000, 100_000]) as held:
         assert os.getpid() not in held.map(process_of)
+
+
+def held_within(_: int) -> bool:
+    with hold([1, 2], [100_000, 100_000]) as held:
+        return bool(held.map(process_of) == [os.getpid()] * 2)
+
+
+def test_a_process_of_a_pool_makes_no_pool_of_its_own() -> None:
+    with Processes([1], [1.0], 1) as held:
+        assert held.map(held_within) == [True]
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "no address"])
