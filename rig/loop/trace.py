@@ -37,7 +37,7 @@ from rig.loop.search.lines import USUAL_HIGHEST_ORDER
 from rig.loop.search.select import select
 from rig.loop.signals.checks import check_gear, check_magnitudes, check_signs, check_torques, measured_slope
 from rig.loop.signals.living import living
-from rig.loop.signals.tracks import Track, make_track, thin_track
+from rig.loop.signals.tracks import SMOOTHING, Track, make_track, thin_track
 from rig.loop.statements.events import Event, events_of, without_events
 from rig.loop.statements.metrics import Floor, Residual, errors, floor_of, pooled, residual_of
 from rig.loop.statements.open_statements import open_statements
@@ -57,6 +57,9 @@ LEAST_TOLD = 1e-3
 
 KNOWN_SPEED = 1.5
 """Times the fastest fitted leg up to which a torque line is predicted."""
+
+LOOKED_AT_ONCE = 0.1
+"""Work of a run that is held out, as a share of that of one that is fitted."""
 
 MANY_BLOCKS = 200
 SHORTEST_BLOCK = 0.25
@@ -88,9 +91,21 @@ def trace(
     campaign = split_runs(runs, options)
     check_magnitudes(runs)
     used, dead = living([*campaign.train, *campaign.held_out])
-    with hold(used, [run.time.size for run in used], options.scheduler) as held:
+    fitted = {run.name for run in campaign.train}
+    with hold(used, [_work(run, fitted) for run in used], options.scheduler) as held:
         result = _traced(held, campaign, runs, dut, options, dead, on_stage)
     return replace(result, elapsed=clock.now() - started)
+
+
+def _work(run: Run, fitted: Set[str]) -> float:
+    """Give how many samples of a run are worked on again and again: of a sweep those that are left of its means.
+
+    A run that is held out is looked at once.
+    """
+    samples = float(run.time.size)
+    if run.procedure is not ProcedureName.FREE_RUN and run.time.size:
+        samples = min(samples, float(np.ptp(run.time)) / SMOOTHING)
+    return samples if run.name in fitted else LOOKED_AT_ONCE * samples
 
 
 def _traced(

@@ -17,8 +17,8 @@ WORTH_A_PROCESS = 30_000
 
 
 @contextmanager
-def hold(items: Sequence[T], samples: Sequence[int], scheduler: str | None = None) -> Iterator[Held[T]]:
-    """Hold items of so many samples each where they are worked on, until the context ends.
+def hold(items: Sequence[T], work: Sequence[float], scheduler: str | None = None) -> Iterator[Held[T]]:
+    """Hold items where they are worked on, until the context ends; `work`: samples of each that count.
 
     `scheduler`: address of a Dask scheduler; None: this machine, with no more processes than it has cores to give.
     Raises ConfigError where the scheduler is of no use.
@@ -27,16 +27,16 @@ def hold(items: Sequence[T], samples: Sequence[int], scheduler: str | None = Non
         from rig.loop.workers.cluster import Cluster
 
         with Cluster(scheduler) as cluster:
-            yield cluster.hold(items, samples)
+            yield cluster.hold(items, work)
         return
-    count = min(cores(), len(items), sum(samples) // WORTH_A_PROCESS)
+    count = min(cores(), len(items), int(sum(work) // WORTH_A_PROCESS))
     if count < 2:
         with threadpool_limits(1):  # sums of a pool's processes are the same to the last bit only so
             yield Here(items)
         return
     from rig.loop.workers.processes import Processes
 
-    with Processes(items, samples, count) as held:
+    with Processes(items, work, count) as held:
         yield held
 
 
