@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.log.run import ProcedureName
 from rig.loop.fitting.normal import LinearPiece
 from rig.loop.model.equations import Equation
 from rig.loop.signals.counts import count_of
@@ -157,10 +158,10 @@ def counts_pass(frequencies: Sequence[float], items: Held[LinearPiece], counts: 
 def _passing(
     item: LinearPiece, signal: str, per_turn: float, frequencies: Sequence[float]
 ) -> tuple[NDArray[np.int_], int]:
-    """Give at how many samples of a sweep counts pass by at every frequency and harmonic, and at how many at all."""
+    """Give at how many samples of a locked sweep counts pass at each frequency and harmonic, and at how many at all."""
     wanted = np.outer(frequencies, 1.0 / np.arange(1, HARMONICS + 1)).ravel()
     track, angle = item.piece.track, item.evaluation.signals.get(signal)
-    swept = item.piece.equation is Equation.TORSION and not track.moves
+    swept = item.piece.equation is Equation.TORSION and track.procedure is ProcedureName.LOCKED_OUTPUT
     if not swept or angle is None or track.size <= 2:
         return np.zeros(wanted.size, dtype=np.int_), 0
     passing = np.abs(np.gradient(angle, track.time)) * per_turn / (2.0 * math.pi)
