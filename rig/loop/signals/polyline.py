@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.loop.signals.noise import left_in_mean, noise_and_memory
+from rig.loop.signals.noise import MEMORIES, left_in_mean, noise_and_memory
 from rig.loop.signals.smoothing import corners_kept
 
 Floats = NDArray[np.float64]
@@ -94,7 +94,9 @@ def polyline(values: Floats, side: int, period: float) -> Floats | None:
         rest = values - line
         if not memory:
             break
-    good = few and not curved and _is_noise(rest, noise, memory, block)
+    # what remembers as long as any noise that is tried, and is as large, is the curve that the line misses
+    shaped = memory >= MEMORIES[-1] and float(np.mean(rest**2)) >= float(np.mean(noise))
+    good = few and not curved and not shaped and _is_noise(rest, noise, memory, block)
     return line if good and np.abs(line - smoothed).max() <= FARTHEST * tolerance.max() else None
 
 

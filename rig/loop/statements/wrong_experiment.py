@@ -36,7 +36,7 @@ SLOW = 0.5
 """s over which a residual is averaged before runs are compared."""
 
 UNLIKE = 4.0
-"""Times the typical slow error of the other runs from which on a run does not fit with them."""
+"""Times the largest slow error of the other runs from which on a run does not fit with them."""
 
 WORSE = 1.5
 """The same for a run that lies beyond the range of the fitted ones."""
@@ -159,19 +159,23 @@ SCALED = ("N*m", "rad/s")
 
 
 def unlike(residuals: Sequence[Residual]) -> tuple[Unlike, ...]:
-    """Give the runs, of one equation and procedure, whose slow error is `UNLIKE` times that of the others or more."""
-    slow = {r.piece.track.name: _slow(r) for r in residuals}
-    if len(slow) <= FEWEST_OTHERS:
+    """Give the runs, of one equation and procedure, each of whose slow errors is `UNLIKE` times all others or more.
+
+    Runs under several conditions differ: only what stands apart from the largest of the rest is odd.
+    """
+    ordered = sorted(residuals, key=_slow, reverse=True)
+    slow = [_slow(residual) for residual in ordered]
+    most = int(MOST_UNLIKE * len(slow))
+    count = max((k for k in range(1, most + 1) if slow[k - 1] > UNLIKE * slow[k]), default=0)
+    if len(slow) <= FEWEST_OTHERS or not count:
         return ()
     found = []
-    for residual in residuals:
-        name = residual.piece.track.name
-        typical = float(np.median([value for other, value in slow.items() if other != name]))
-        least = max(UNLIKE * typical, ABOVE_NOISE * _noise(residual), LEAST_PART * _rms(residual.values))
-        if slow[name] > least:
-            equation, procedure = residual.piece.equation, residual.piece.track.procedure
-            found.append(Unlike(name, equation.value, procedure.value, slow[name], typical, equation.unit))
-    return _with_replicates(found, residuals) if len(found) <= MOST_UNLIKE * len(slow) else ()
+    for residual, error in zip(ordered[:count], slow, strict=False):
+        if error > max(ABOVE_NOISE * _noise(residual), LEAST_PART * _rms(residual.values)):
+            equation, track = residual.piece.equation, residual.piece.track
+            typical = float(np.median(slow[count:]))
+            found.append(Unlike(track.name, equation.value, track.procedure.value, error, typical, equation.unit))
+    return _with_replicates(found, residuals)
 
 
 def _with_replicates(found: Sequence[Unlike], residuals: Sequence[Residual]) -> tuple[Unlike, ...]:
