@@ -24,6 +24,10 @@ class ProcedureName(StrEnum):
     OTHER = "other"
 
 
+SWEEPS = (ProcedureName.LOCKED_OUTPUT, ProcedureName.BACKDRIVE)
+"""Procedures that sweep a torque while a shaft is held."""
+
+
 @dataclass(frozen=True, slots=True)
 class RunEvent:
     """Something that happened at `time` (s since the run's first sample): a phase, a limit, an operator's word."""

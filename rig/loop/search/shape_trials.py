@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rig.loop.fitting.normal import LinearPiece
 from rig.loop.model.curves import Curve
 from rig.loop.model.shapes import ShapeTerm, addition, catalogue_shapes, unit_columns
-from rig.loop.search.trial import Columns, Ground, Trial, gains, try_columns
+from rig.loop.search.trial import ColumnsOf, Ground, Trial, gains, try_columns
 from rig.loop.workers.held import Held
 from sim_backend.model.effects import Effect
 
@@ -114,7 +114,7 @@ def _scales(item: LinearPiece) -> tuple[float, float, float, float]:
     return torque, float(np.abs(track.speed).max()), float(np.ptp(track.time)), track.step
 
 
-def shape_of(term: ShapeTerm) -> Columns:
+def shape_of(term: ShapeTerm) -> ColumnsOf:
     """Give the candidate that is this term, one column (m,) for every amplitude."""
     return partial(_piece_columns, term=term)
 

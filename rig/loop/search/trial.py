@@ -90,7 +90,7 @@ class Ground:
     base_scores: tuple[Floats, ...]
 
 
-Columns = Callable[[LinearPiece], Floats | None]
+ColumnsOf = Callable[[LinearPiece], Floats | None]
 """A candidate: what gives its columns (m, k), centred, in a piece; None where it does not act. Picklable."""
 
 
@@ -113,7 +113,7 @@ def prepare(fit: Fit) -> Ground:
     return Ground(fit, solve(A, np.eye(A.shape[0])), tuple(fit.linear.map(block_scores)))
 
 
-def _sums(item: LinearPiece, columns: Columns) -> Sums | None:
+def _sums(item: LinearPiece, columns: ColumnsOf) -> Sums | None:
     made = columns(item)
     if made is None:
         return None
@@ -122,7 +122,7 @@ def _sums(item: LinearPiece, columns: Columns) -> Sums | None:
     return Sums(weighted.T @ made, weighted.T @ item.jacobian, scores.sum(axis=0), item.block_sums(scores))
 
 
-def _brief_sums(item: LinearPiece, candidates: Sequence[Columns]) -> list[tuple[Floats, Floats, Floats] | None]:
+def _brief_sums(item: LinearPiece, candidates: Sequence[ColumnsOf]) -> list[tuple[Floats, Floats, Floats] | None]:
     """Give what `Sums` has, without the blocks, for several candidates."""
     found: list[tuple[Floats, Floats, Floats] | None] = []
     for columns in candidates:
@@ -155,7 +155,7 @@ def acts(item: LinearPiece, kind: TermClass) -> bool:
     return (evaluation.load if entry.equation is Equation.OUTPUT_TORQUE else evaluation.motor) is not None
 
 
-def try_columns(ground: Ground, label: str, columns: Columns, *, ridge: float = 0.0) -> Trial:
+def try_columns(ground: Ground, label: str, columns: ColumnsOf, *, ridge: float = 0.0) -> Trial:
     """Score a candidate.
 
     `ridge`: share of its own information that each column has as a prior at zero when runs are left out: the run that
@@ -330,7 +330,7 @@ def _leave_out(fit: Fit, cross: Floats, own: Floats, pull: Floats, ridge: Floats
     return joint.leave_one_out(prior, slope), normal.leave_one_out(fit.prior, fit.pull)
 
 
-def line_at(kind: TermClass, order: float) -> Columns:
+def line_at(kind: TermClass, order: float) -> ColumnsOf:
     """Give the candidate that is a line of this kind and order."""
     return partial(line_columns, kind=kind, order=order)
 
@@ -340,7 +340,7 @@ def try_line(ground: Ground, kind: TermClass, order: float) -> Trial:
     return try_columns(ground, kind.id, line_at(kind, order))
 
 
-def gains(ground: Ground, candidates: Sequence[Columns]) -> list[float]:
+def gains(ground: Ground, candidates: Sequence[ColumnsOf]) -> list[float]:
     """Give the gain of each of the candidates alone: what a search for an order or a parameter maximises."""
     by_piece = ground.fit.linear.map(_brief_sums, candidates)
     return [_gain(ground, [sums[k] for sums in by_piece]) for k in range(len(candidates))]

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from drivers.errors import DataError
 from drivers.signals import BY_NAME
 from rig.config.dut import Dut
-from rig.log.run import ProcedureName, Run
-from rig.loop.signals.living import SWEEPS
+from rig.log.run import SWEEPS, ProcedureName, Run
 from rig.loop.signals.tracks import Track
 
 Floats = NDArray[np.float64]

@@ -10,14 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import DataError
-from rig.log.run import ProcedureName, Run
+from rig.log.run import SWEEPS, ProcedureName, Run
 
 Floats = NDArray[np.float64]
 
 TORQUES = ("motor_torque", "motor_current", "output_torque")
 ANGLES = ("motor_position", "output_position")
-
-SWEEPS = (ProcedureName.LOCKED_OUTPUT, ProcedureName.BACKDRIVE)
 
 TURNED_MOTOR, TURNED_OUTPUT = 6.0, 0.05
 """rad of travel of one shaft beyond which the other one must have moved."""

@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.log.run import Run
+from rig.loop.signals.living import TORQUES
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 LIMIT_ACTIVE = 1 << 11
 """Bit `internal limit active` of the CiA 402 status word."""
-
-TORQUES = ("motor_torque", "motor_current", "output_torque")
 
 FEWEST_CUT = 5
 """Equal readings in a row at the extreme that make a cut-off."""

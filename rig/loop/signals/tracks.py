@@ -16,8 +16,8 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.signal import savgol_filter
 
 from rig.config.dut import Dut, Rotation
-from rig.log.run import ProcedureName, Run
-from rig.loop.signals.living import ANGLES, SWEEPS
+from rig.log.run import SWEEPS, ProcedureName, Run
+from rig.loop.signals.living import ANGLES, TORQUES
 from rig.loop.signals.missing import between, filled, in_long_gaps, known_between, read_together, unheld
 from rig.loop.signals.polyline import polyline
 from rig.loop.signals.ripple import Ripple, speed_ripple
@@ -67,7 +67,7 @@ HELD_SPEED = 0.3
 CONDITIONS = ("temperature", "motor_temperature", "bus_voltage", "supply_voltage")
 """Signals of the contract beside angles and torques that terms may use, as they may any further one of a log."""
 
-_PREDICTED = ("motor_position", "output_position", "motor_torque", "motor_current", "output_torque")
+_PREDICTED = (*ANGLES, *TORQUES)
 _TURNING = _PREDICTED[:-1]
 """Channels that must be read together; while turning the output torque changes slowly, whatever it is."""
 

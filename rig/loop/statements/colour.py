@@ -51,14 +51,14 @@ def rows_of(residual: Residual) -> NDArray[np.intp]:
 
 
 @dataclass(frozen=True, slots=True)
-class Noise:
+class SlowNoise:
     """Mean square that noise leaves in the slow part. `dwells`: its colour is that of dwells, else taken for white."""
 
     square: float
     dwells: bool
 
 
-def slow_noise(residuals: Sequence[Residual], dut: Dut, model: Model) -> Noise:
+def slow_noise(residuals: Sequence[Residual], dut: Dut, model: Model) -> SlowNoise:
     """Give what noise and the encoders' counts leave in the slow part of residuals of one equation and procedure."""
     pieces = [residual.piece for residual in residuals]
     torques = [] if pieces[0].demeaned else [(piece, target_of(piece, model.ratio)) for piece in pieces]
@@ -80,7 +80,7 @@ def slow_noise(residuals: Sequence[Residual], dut: Dut, model: Model) -> Noise:
         square += _reading_square(residual, dut, model.ratio) if residual.piece.demeaned else 0.0
         taken = means(cleaned_away(residual, model), residual.piece.track.period)
         squares.append(square + (float(np.mean(taken**2)) if taken.size else 0.0))
-    return Noise(float(np.mean(squares)), quiet)
+    return SlowNoise(float(np.mean(squares)), quiet)
 
 
 def encoder_counts(piece: Piece, dut: Dut, ratio: float | None) -> tuple[float, float] | None:

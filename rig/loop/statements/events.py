@@ -15,7 +15,7 @@ from rig.config.dut import Dut
 from rig.loop.model.equations import Equation
 from rig.loop.model.prediction import Model
 from rig.loop.statements.colour import STANDS, cleaned_away, encoder_counts, rows_of, slow_counts, slow_square
-from rig.loop.statements.metrics import Residual
+from rig.loop.statements.metrics import MEDIAN_TO_SIGMA, Residual
 
 Floats = NDArray[np.float64]
 
@@ -67,7 +67,8 @@ class Event:
 def events_of(residuals: Sequence[Residual], dut: Dut, model: Model) -> list[tuple[Event, ...]]:
     """Give the events of every residual, in their order; none where the equation is no torsion.
 
-    Of replicates only what is not in all of them at the same time.
+    Of replicates only what no other of them has at the same time. Where most steps of a procedure's replicates come
+    again, its steps are a shape that is missing, in the runs without a replicate too.
     """
     found = []
     for residual in residuals:
@@ -79,7 +80,14 @@ def events_of(residuals: Sequence[Residual], dut: Dut, model: Model) -> list[tup
         alone = groups[number][0] is None
         others = [other for k, other in enumerate(found) if k != number and not alone and groups[k] == groups[number]]
         kept.append(tuple(event for event in events if not any(_in(event, other) for other in others)))
-    return kept
+    repeated = [k for k, (group, _) in enumerate(groups) if group is not None]
+    shaped = set()
+    for procedure in {groups[k][1] for k in repeated}:
+        same = [k for k in repeated if groups[k][1] is procedure]
+        steps, own = sum(len(found[k]) for k in same), sum(len(kept[k]) for k in same)
+        if steps and 2 * own <= steps:
+            shaped.add(procedure)
+    return [() if groups[k][0] is None and groups[k][1] in shaped else some for k, some in enumerate(kept)]
 
 
 def without_events(residual: Residual, events: Sequence[Event]) -> Residual:
@@ -112,7 +120,7 @@ def _steps(residual: Residual, model: Model, counts: tuple[float, float]) -> tup
     for _ in range(MOST_TRIED):
         height = _heights(values, stretches, side)
         known = np.isfinite(height) & np.isfinite(unsure)
-        typical = 1.4826 * float(np.median(np.abs(height[known]))) if known.any() else 0.0
+        typical = MEDIAN_TO_SIGMA * float(np.median(np.abs(height[known]))) if known.any() else 0.0
         candidates = np.where(known & ~refused, np.abs(height), 0.0)
         place = int(candidates.argmax())
         if candidates[place] < max(STANDS_OUT * typical, LEAST_COUNTS * count):

@@ -41,6 +41,9 @@ COMPUTED_SPREAD = 0.25
 SAME_PERIOD = 1.2
 """Ratio up to which two logs are sampled alike."""
 
+MEDIAN_TO_SIGMA = 1.4826
+"""Standard deviation of a normal variable over its median size."""
+
 QUIET_TRAVEL = 2e-3
 """rad at the motor within which a run still dwells."""
 

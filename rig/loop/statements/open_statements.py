@@ -22,7 +22,7 @@ from rig.loop.statements.channels import correlations
 from rig.loop.statements.colour import cleaned_away
 from rig.loop.statements.events import Event, without_events
 from rig.loop.statements.evidence import Memory, Repeats, memory, repeats
-from rig.loop.statements.metrics import LEAST_DWELL, Residual, dwell_of, pairs, quantisation_square
+from rig.loop.statements.metrics import LEAST_DWELL, MEDIAN_TO_SIGMA, Residual, dwell_of, pairs, quantisation_square
 from rig.loop.statements.report_steps import base_estimates
 
 STIFFNESS_DEVIATION = 0.10
@@ -41,8 +41,7 @@ ABOVE_FLOOR = 1.5
 """Times the upper end of the floor's interval beyond which what is left is no longer noise."""
 
 OUTLIER = 5.0
-MEDIAN_TO_SIGMA = 1.4826
-"""Standard deviations beyond which a value is an outlier; the deviation of a normal variable over its median size."""
+"""Standard deviations beyond which a value is an outlier."""
 
 MISSING_DWELL = f"a dwell of {LEAST_DWELL:g} s before the first motion of every run"
 

@@ -7,15 +7,19 @@ error is not had something else that nobody recorded: another load or pose, as a
 
 import math
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.signals import BY_NAME
+from rig.config.dut import Dut
 from rig.log.run import ProcedureName
+from rig.loop.model.equations import Equation
+from rig.loop.model.prediction import Model
 from rig.loop.result import Json, Open, Verdict
 from rig.loop.signals.tracks import Track
+from rig.loop.statements.colour import slow_noise, slow_square
 from rig.loop.statements.metrics import Residual
 
 Floats = NDArray[np.float64]
@@ -32,9 +36,6 @@ ENDS = (0.5, 99.5)
 TURN = 2.0 * math.pi
 """rad at the output: runs over a full turn have seen every pose."""
 
-SLOW = 0.5
-"""s over which a residual is averaged before runs are compared."""
-
 UNLIKE = 4.0
 """Times the largest slow error of the other runs from which on a run does not fit with them."""
 
@@ -42,7 +43,7 @@ WORSE = 1.5
 """The same for a run that lies beyond the range of the fitted ones."""
 
 ABOVE_NOISE = 3.0
-"""Times what white noise leaves of such means."""
+"""Times what noise, counts and smoothing leave in the slow part of its error, from which on it is judged at all."""
 
 LEAST_PART = 0.5
 """Part of a run's whole error that the slow one is at least: what is mostly noise says nothing of a condition."""
@@ -112,9 +113,9 @@ class Inputs:
 
 
 def wrong_experiments(
-    train: Sequence[Track], held_out: Sequence[Track], residuals: Sequence[Residual]
+    train: Sequence[Track], held_out: Sequence[Track], residuals: Sequence[Residual], dut: Dut, model: Model
 ) -> WrongExperiments:
-    """Judge all runs of a campaign. `residuals`: after, of both sides."""
+    """Judge all runs of a campaign. `residuals`: after, of both sides; `model`: the one that left them."""
     fitted, others = [inputs_of(track) for track in train], [inputs_of(track) for track in held_out]
     everyone = {item.run: item for item in (*fitted, *others)}
     beyond = {item.run: outside(item, fitted) for item in others}
@@ -124,10 +125,11 @@ def wrong_experiments(
     for residual in residuals:
         groups.setdefault((residual.piece.equation.value, residual.piece.track.procedure.value), []).append(residual)
     for members in groups.values():
-        odd = unlike(members)
+        errors = [_error(residual, dut, model) for residual in members]
+        odd = unlike(errors)
         rest = [item for name, item in everyone.items() if name not in {one.run for one in odd}]
         found += [item for item in odd if not beyond.get(item.run) and not outside(everyone[item.run], rest)]
-        worse |= _worse([r for r in members if beyond.get(r.piece.track.name)], members, {item.run for item in fitted})
+        worse |= _worse([error for error in errors if beyond.get(error.run)], errors, {item.run for item in fitted})
     return WrongExperiments(
         frozenset([*worse, *(item.run for item in found)]),
         tuple(_open([item for item in found if item.run == run]) for run in dict.fromkeys(one.run for one in found)),
@@ -158,48 +160,64 @@ SCALED = ("N*m", "rad/s")
 """Units in which zero means nothing: a share of the largest size is a share."""
 
 
-def unlike(residuals: Sequence[Residual]) -> tuple[Unlike, ...]:
+@dataclass(frozen=True, slots=True)
+class Error:
+    """What is left of one equation in a run: its `slow` part, the whole of it, and what noise leaves of the slow part.
+
+    Root mean squares in the equation's unit.
+    """
+
+    run: str
+    replicate: str | None
+    equation: Equation
+    procedure: str
+    slow: float
+    whole: float
+    noise: float
+
+    @property
+    def stands_out(self) -> bool:
+        """Whether it is far more than noise, and mostly slow: what is mostly noise says nothing of a condition."""
+        return self.slow > max(ABOVE_NOISE * self.noise, LEAST_PART * self.whole)
+
+
+def _error(residual: Residual, dut: Dut, model: Model) -> Error:
+    track, values = residual.piece.track, residual.values
+    return Error(
+        run=track.name,
+        replicate=track.replicate,
+        equation=residual.piece.equation,
+        procedure=track.procedure.value,
+        slow=math.sqrt(slow_square(residual)),
+        whole=float(np.sqrt(np.mean(values**2))) if values.size else 0.0,
+        noise=math.sqrt(slow_noise([residual], dut, model).square),
+    )
+
+
+def unlike(errors: Sequence[Error]) -> tuple[Unlike, ...]:
     """Give the runs, of one equation and procedure, each of whose slow errors is `UNLIKE` times all others or more.
 
     Runs under several conditions differ: only what stands apart from the largest of the rest is odd.
     """
-    ordered = sorted(residuals, key=_slow, reverse=True)
-    slow = [_slow(residual) for residual in ordered]
+    ordered = sorted(errors, key=lambda error: -error.slow)
+    slow = [error.slow for error in ordered]
     most = int(MOST_UNLIKE * len(slow))
     count = max((k for k in range(1, most + 1) if slow[k - 1] > UNLIKE * slow[k]), default=0)
     if len(slow) <= FEWEST_OTHERS or not count:
         return ()
-    found = []
-    for residual, error in zip(ordered[:count], slow, strict=False):
-        if error > max(ABOVE_NOISE * _noise(residual), LEAST_PART * _rms(residual.values)):
-            equation, track = residual.piece.equation, residual.piece.track
-            typical = float(np.median(slow[count:]))
-            found.append(Unlike(track.name, equation.value, track.procedure.value, error, typical, equation.unit))
-    return _with_replicates(found, residuals)
+    odd = [error for error in ordered[:count] if error.stands_out]
+    fine = {error.replicate for error in errors if error.replicate is not None and error not in odd}
+    typical = float(np.median(slow[count:]))
+    return tuple(
+        Unlike(x.run, x.equation.value, x.procedure, x.slow, typical, x.equation.unit, x.replicate in fine) for x in odd
+    )
 
 
-def _with_replicates(found: Sequence[Unlike], residuals: Sequence[Residual]) -> tuple[Unlike, ...]:
-    """Say of every odd run whether a replicate of it is not odd."""
-    odd = {item.run for item in found}
-    groups = {residual.piece.track.name: residual.piece.track.replicate for residual in residuals}
-    fine = {group for name, group in groups.items() if group is not None and name not in odd}
-    return tuple(replace(item, repeated=groups[item.run] in fine) for item in found)
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
-
-
-def _worse(beyond: Sequence[Residual], members: Sequence[Residual], fitted: Set[str]) -> set[str]:
+def _worse(beyond: Sequence[Error], errors: Sequence[Error], fitted: Set[str]) -> set[str]:
     """Give the runs, of those beyond the range of the fitted ones, whose slow error is larger than theirs."""
-    known = [_slow(residual) for residual in members if residual.piece.track.name in fitted]
+    known = [error.slow for error in errors if error.run in fitted]
     typical = float(np.median(known)) if known else 0.0
-    return {r.piece.track.name for r in beyond if _slow(r) > max(WORSE * typical, ABOVE_NOISE * _noise(r))}
-
-
-def _noise(residual: Residual) -> float:
-    """Give what white noise leaves of the means of a residual."""
-    return residual.fast / math.sqrt(_window(residual))
+    return {error.run for error in beyond if error.slow > max(WORSE * typical, ABOVE_NOISE * error.noise)}
 
 
 def inputs_of(track: Track) -> Inputs:
@@ -230,18 +248,6 @@ def _range(values: Floats, unit: str) -> Range:
     low, high = np.percentile(values, ENDS)
     noise = 5.0 * float(np.sqrt(np.mean(np.diff(values) ** 2) / 2.0)) if values.size > 1 else 0.0
     return Range(float(low), float(high), noise, unit)
-
-
-def _window(residual: Residual) -> int:
-    return max(1, round(SLOW / residual.piece.track.period))
-
-
-def _slow(residual: Residual) -> float:
-    window = _window(residual)
-    count = residual.values.size // window
-    if count == 0:
-        return 0.0
-    return float(np.sqrt(np.mean(residual.values[: count * window].reshape(count, window).mean(axis=1) ** 2)))
 
 
 def _said(item: Outside, worse: bool) -> str:

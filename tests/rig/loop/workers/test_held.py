@@ -14,7 +14,7 @@ from rig.loop.campaign import LoopOptions
 from rig.loop.trace import trace
 from rig.loop.workers import hold as choosing
 from rig.loop.workers.held import Held, Here, shares
-from rig.loop.workers.hold import hold
+from rig.loop.workers.hold import cores, hold
 from rig.loop.workers.processes import LostProcessError, Processes
 from sim_backend.errors import ParameterError
 from tests.independent.campaign import Campaign
@@ -168,7 +168,10 @@ def held_within(_: int) -> bool:
         return bool(held.map(process_of) == [os.getpid()] * 2)
 
 
-def test_a_process_of_a_pool_makes_no_pool_of_its_own() -> None:
+def test_a_process_of_a_pool_makes_no_pool_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(choosing, "cores", cores)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1, 2}, raising=False)
+    assert cores() == 3
     with Processes([1], [1.0], 1) as held:
         assert held.map(held_within) == [True]
 

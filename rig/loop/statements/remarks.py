@@ -1,0 +1,168 @@
+"""What the loop says beside its verdicts: what was masked, left out or found and not added, and what is doubtful."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from rig.config.catalogue import doubt
+from rig.config.dut import Dut
+from rig.log.run import ProcedureName, Run
+from rig.loop.fitting.fit import Fit
+from rig.loop.fitting.intervals import hidden_share
+from rig.loop.fitting.starts import FACTOR
+from rig.loop.model.equations import Equation, pieces_of
+from rig.loop.model.prediction import Model
+from rig.loop.result import Open
+from rig.loop.search.aliases import aliases, samplings
+from rig.loop.search.decision import Selection
+from rig.loop.search.lines import USUAL_HIGHEST_ORDER
+from rig.loop.signals.checks import measured_slope
+from rig.loop.signals.living import ANGLES, TORQUES
+from rig.loop.signals.tracks import Track
+from sim_backend.model.compliance import LAWS
+
+LEAST_TOLD = 1e-3
+"""Share of an equation's squares below which a significant term that was not added is not even told."""
+
+FAR_FROM_PRIOR = 3.0
+"""Standard deviations of its prior by which a parameter of the flexspline's law may move without a word."""
+
+LEAST_HIDDEN = 0.05
+"""Share of a torque line that may hide in the rotor's motion and is then said."""
+
+_MEASURED = (*ANGLES, *TORQUES)
+_HELD = {ProcedureName.LOCKED_OUTPUT: "output_position", ProcedureName.BACKDRIVE: "motor_position"}
+"""What a procedure holds may well be constant."""
+
+
+def _far_from_catalogue(dut: Dut, model: Model) -> list[tuple[str, float, float]]:
+    """Give the friction levels of the device file that the fit contradicts by more than the starting values allow."""
+    given = {"T_fs": ("starting_torque", dut.gear.starting_torque)}
+    given["T_fb"] = ("backdriving_torque", dut.gear.backdriving_torque)
+    return [
+        (name, catalogue, model.value(parameter))
+        for parameter, (name, catalogue) in given.items()
+        if catalogue is not None
+        and model.value(parameter) != catalogue
+        and not 1.0 / FACTOR < catalogue / model.value(parameter) < FACTOR
+    ]
+
+
+def far_from_prior(final: Fit, told: Sequence[Open]) -> list[str]:
+    """Give a warning for every parameter of the flexspline's law that the data moved far off its prior.
+
+    `told`: statements that name their parameter already.
+    """
+    table = final.model.table
+    touched, named = set(final.columns.base), {item.parameter for item in told}
+    found = []
+    for entry in table.entries:
+        value = final.model.value(entry.name)
+        if entry.name not in LAWS[table.law].parameters or entry.name not in touched or entry.name in named:
+            continue
+        # all of them are positive, and estimated as logarithms
+        widths = math.log(value / entry.centre) / entry.spread
+        if abs(widths) > FAR_FROM_PRIOR:
+            off, width = 100.0 * (value / entry.centre - 1.0), 100.0 * entry.spread
+            found.append(
+                f"{entry.name} of the flexspline is {value:.4g} {entry.unit}, {off:+.0f} % off its prior of "
+                f"{entry.centre:.4g} ({abs(widths):.2g} times the prior's width of {width:.0f} %): the device file "
+                f"is off, or {entry.name} makes up for a law or an effect that the model lacks."
+            )
+    return found
+
+
+def remarks(tracks: Sequence[Track], runs: Sequence[Run], dut: Dut, model: Model) -> list[str]:
+    """Say what was masked, left out, or could not be known, and where the device file is off."""
+    ratio = model.ratio
+    found = []
+    saturated = {track.name: track.saturated for track in tracks if track.saturated}
+    if saturated:
+        text = ", ".join(f"{name} ({count})" for name, count in saturated.items())
+        found.append(
+            f"Saturated samples (torque limit active, or a torque cut off at its extreme) were masked: {text}."
+        )
+    masked = {
+        track.name: 100.0 * (1.0 - float(track.steady.mean())) for track in tracks if track.moves and track.steady.any()
+    }
+    if masked:
+        text = ", ".join(f"{name} {share:.0f} %" for name, share in masked.items())
+        found.append(f"Outside legs of constant speed (8 %, ends of 0.2 s cut) and masked: {text}.")
+    unused = [track.name for track in tracks if track.procedure is ProcedureName.STARTING_TORQUE]
+    if unused:
+        found.append(f"Starting-torque runs enter no equation of the loop: {', '.join(unused)}.")
+    silent = [t.name for t in tracks if t.name not in unused and not pieces_of(t, ratio)]
+    if silent:
+        found.append(f"No equation can be formed from: {', '.join(silent)}.")
+    both = any(track.motor_position is not None and track.output_position is not None for track in tracks)
+    if both and ratio is None:
+        found.append("The gear ratio is unknown and no run turns far enough to measure it: torsion is left out.")
+    if both and dut.gear.ratio is not None and measured_slope(tracks) is None:
+        found.append(
+            f"No run turns far enough to measure the ratio: the device file's {dut.gear.ratio:g} was taken as given. A "
+            f"wrong one looks like a wrong stiffness, torque constant or gain; a free run of one turn would tell."
+        )
+    if ratio is not None and dut.gear.ratio is None:
+        found.append(f"The device file gives no ratio; {ratio:.6g} was measured from both encoders.")
+    if not any(run.replicate is not None for run in runs):
+        found.append("No replicate runs: the floor is computed or unknown, and structure is judged by shape alone.")
+    if doubtful := doubt(dut):
+        found.append(f"The device file is doubtful: {doubtful}")
+    for name, catalogue, measured in _far_from_catalogue(dut, model):
+        found.append(
+            f"The device file's {name} ({catalogue:.4g} N*m) is {catalogue / measured:.2g} times what these runs show, "
+            f"{measured:.4g} N*m."
+        )
+    for run in runs:
+        constant = sorted(
+            name
+            for name, values in run.signals.items()
+            if name in _MEASURED and name != _HELD.get(run.procedure) and values.size and np.ptp(values) == 0.0
+        )
+        if constant:
+            found.append(f"{run.name}: constant throughout: {', '.join(constant)}.")
+    gaps = {run.name: len(run.gaps) for run in runs if run.gaps}
+    if gaps:
+        most = max(gaps, key=lambda name: gaps[name])
+        found.append(f"{sum(gaps.values())} gaps in {len(gaps)} of {len(runs)} runs, most in {most}.")
+    return found
+
+
+def doubts(final: Fit) -> list[str]:
+    """Say what the legs cannot tell about the lines that were added."""
+    found = []
+    for number, line in enumerate(final.model.lines):
+        legs = samplings(final.linear, line.kind.variable)
+        others = aliases(line.order, USUAL_HIGHEST_ORDER, legs) if line.kind.fixed_order is None else ()
+        if others:
+            same = ", ".join(f"{order:.6g}" for order in others[:6])
+            found.append(
+                f"These legs cannot tell the order {line.order:.6g} of {line.kind.variable} from {same}; speeds that "
+                f"are no multiples of each other, or faster sampling, would."
+            )
+        share = hidden_share(final, number)
+        if share > LEAST_HIDDEN:
+            found.append(
+                f"Of the line of order {line.order:.6g} the rotor may take up {100 * share:.2g} % unseen: its ripple "
+                f"drowns in the encoder's counts. A slower leg tells more."
+            )
+    return found
+
+
+def unadded(selection: Selection) -> list[str]:
+    """Give a line for everything that was found, significant, and not added, with the reason."""
+    current = any(item.equation is Equation.MOTOR_CURRENT for item in selection.fit.about)
+    found = []
+    for item in selection.unadded:
+        if item.share < LEAST_TOLD:
+            continue
+        if item.order is None:
+            found.append(f"Found, not added: {item.kind.id}: {item.why}.")
+            continue
+        unit = "A" if current and item.kind.equation is Equation.MOTOR_TORQUE else item.kind.equation.unit
+        found.append(
+            f"Found, not added: {item.kind.id}, order {item.order:.6g} of {item.kind.variable}, amplitude "
+            f"{item.amplitude:.3g} {unit}: {item.why}."
+        )
+    return found
