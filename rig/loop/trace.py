@@ -28,8 +28,7 @@ from rig.loop.model.prediction import Model, predict
 from rig.loop.model.shapes import ShapeTerm, named_effect
 from rig.loop.model.terms import Entry, Line, TermClass
 from rig.loop.result import EquationResult, Errors, LoopResult, Step
-from rig.loop.search.acceptance import NOT_EVERYWHERE
-from rig.loop.search.decision import Selection, Unadded
+from rig.loop.search.decision import Selection
 from rig.loop.search.select import select
 from rig.loop.signals.checks import check_gear, check_magnitudes, check_signs, check_torques
 from rig.loop.signals.living import living
@@ -270,25 +269,23 @@ def _selected(
     """
     every = material(pieces)
     base = _fit_base(every, start)
-    first = select(every, base, alpha, known, on_stage)
-    found, fastest = (base, first), math.inf
-    speeds = sorted({speed for some in pieces.map(_free_speeds) for speed in some})
-    slower = [v for v in speeds if v < speeds[-1] / SAME_SPEED]
-    while slower and any(_not_followed(item) for item in found[1].unadded):
-        limit = SAME_SPEED * slower.pop()
-        slower = [v for v in slower if v < limit / SAME_SPEED**2]
-        fewer = material(pieces.spread(_up_to, limit))
-        on_stage(f"once more without the torque of legs faster than {limit:.4g} rad/s")
-        base = _fit_base(fewer, start)
-        found = (base, select(fewer, base, alpha, known, on_stage))
-        if len(found[1].decisions) > len(first.decisions):
-            return found[0], found[1], limit
-    return (found[0], found[1], fastest) if found[1] is first else (_fit_base(every, start), first, fastest)
+    whole = select(every, base, alpha, known, on_stage)
+    found, fastest = whole, math.inf
+    while (followed := _followed(found)) is not None and SAME_SPEED * followed < fastest:
+        fastest = SAME_SPEED * followed
+        fewer = material(pieces.spread(_up_to, fastest))
+        on_stage(f"once more without the torque of legs faster than {fastest:.4g} rad/s")
+        slow = _fit_base(fewer, start)
+        found = select(fewer, slow, alpha, known, on_stage)
+        if len(found.decisions) > len(whole.decisions):
+            return slow, found, fastest
+    return (base, whole, math.inf) if found is whole else (_fit_base(every, start), whole, math.inf)
 
 
-def _not_followed(item: Unadded) -> bool:
-    """Whether a torque line shows at some speeds only."""
-    return item.why == NOT_EVERYWHERE and item.order is not None and not item.kind.is_angle
+def _followed(selection: Selection) -> float | None:
+    """Give the speed (rad/s) up to which the largest torque line shows that does not show at every speed."""
+    lines = [item for item in selection.unadded if item.followed is not None]
+    return max(lines, key=lambda item: item.share).followed if lines else None
 
 
 def _known_speed(pieces: Held[Piece], selection: Selection) -> float:

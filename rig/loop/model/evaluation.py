@@ -39,6 +39,7 @@ class Evaluation:
     `friction`: how additions to the motor and the output balance and to the level of friction show. `signals`: what
     terms may use, by name; `positions`: the angles among them. `torque`: output torque by which an angle error acts on
     the motor. `play`: the play that the law follows, None if none. `ratio`: of the gear, 1 where it is unknown.
+    `averaged`: whether the output torque is the mean of its reading over the run.
     """
 
     value: Floats
@@ -51,6 +52,7 @@ class Evaluation:
     torque: Floats
     play: PlayPath | None
     ratio: float
+    averaged: bool = False
 
     @property
     def settled(self) -> NDArray[np.bool_]:
@@ -113,7 +115,13 @@ class Evaluation:
     def shown(self, effect: Effect | Curve, added: Floats, rows: Rows) -> Floats:
         """Give what an addition (n,) of an effect that shows does to the prediction at the samples `rows`, (m,)."""
         route = {Place.MOTOR: self.motor, Place.LOAD: self.load, Place.FRICTION: self.friction}.get(place_of(effect))
+        added = as_read(effect, added, averaged=self.averaged)
         return added[rows] / _gear_of(effect, self.ratio) if route is None else through(route, added, rows)
+
+
+def as_read(effect: Effect | Curve, added: Floats, *, averaged: bool) -> Floats:
+    """Give what a wrong reading of the output torque adds (n,) to what is taken for it: a mean where a mean is."""
+    return np.full(added.size, added.mean()) if averaged and effect.reads == "output_torque" else added
 
 
 def _gear_of(effect: Effect | Curve, ratio: float) -> float:
@@ -192,10 +200,14 @@ class Added:
         ]
         return _sum(torque.size, parts)
 
-    def load(self, signals: Mapping[str, Floats]) -> Floats:
-        """Give the sum added to the output balance, N*m, shape (n,)."""
+    def load(self, signals: Mapping[str, Floats], *, averaged: bool = False) -> Floats:
+        """Give the sum added to the output balance, N*m, shape (n,). `averaged`: see `Evaluation`."""
         parts = [load_addition(entry, values.value, signals["direction"]) for entry, values in self.lines]
-        parts += [addition(term, signals, self.step) for term in self._at(Place.LOAD)]
+        parts += [
+            as_read(term.effect, added, averaged=averaged)
+            for term in self._at(Place.LOAD)
+            if (added := addition(term, signals, self.step)) is not None
+        ]
         return _sum(signals["direction"].size, parts)
 
     def motor(self, signals: Mapping[str, Floats]) -> Floats:

@@ -218,7 +218,8 @@ def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Eva
     K_w0, C_w = model.value("K_w0"), model.value("C_w")
     added = _added(track, model, positions)
     signals = _signals(track, model, positions, _load(track, model), track.M)
-    load = added.load(signals)
+    averaged = not _is_loaded(track, model)
+    load = added.load(signals, averaged=averaged)
     T = _load(track, model) - load
     compliance = 1.0 / model.flexspline_stiffness(T)
     flexspline = model.flexspline_torsion(T)
@@ -255,7 +256,7 @@ def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Eva
         swing = -load_weight * _swing(track, model, positions)
         value = value + model.value("J_l") * swing
         base["J_l"] = swing
-    return Evaluation(value, base, True, motor_route, Route(load_weight), friction, signals, T, None, N)
+    return Evaluation(value, base, True, motor_route, Route(load_weight), friction, signals, T, None, N, averaged)
 
 
 def _flexspline_columns(T: Floats, torsion: Floats, compliance: Floats, model: Model) -> dict[str, Floats]:
@@ -377,7 +378,8 @@ def _motor(piece: Piece, model: Model) -> Evaluation:
     positions = _positions(track, model)
     added = _added(track, model, positions)
     signals = _signals(track, model, positions, _load(track, model), None)
-    load = added.load(signals)
+    averaged = not _is_loaded(track, model)
+    load = added.load(signals, averaged=averaged)
     T = _load(track, model) - load
     signals = _loaded(signals, T)
     ones = np.ones(track.size)
@@ -407,7 +409,8 @@ def _motor(piece: Piece, model: Model) -> Evaluation:
         # as long as no term stands for the disturbance, the rotor's answer to it would be taken for it
         if any(line.kind.entry.equation is Equation.MOTOR_TORQUE for line in model.lines):
             base |= {"J_r": track.ripple.acceleration, "K_r": track.ripple.position}
-    return Evaluation(value, base, False, Route(ones), load_route, friction, signals, T, None, model.ratio or 1.0)
+    ratio = model.ratio or 1.0
+    return Evaluation(value, base, False, Route(ones), load_route, friction, signals, T, None, ratio, averaged)
 
 
 def _output(track: Track, model: Model) -> Evaluation:

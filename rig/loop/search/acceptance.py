@@ -26,6 +26,12 @@ MOST_CLASSES = 3
 BEST_SHARE = 0.95
 """Share of the best gain with which a name of the catalogue wins."""
 
+COMPANION_SHARE, MOST_COMPANIONS = 0.1, 2
+"""Share of a candidate's gain from which on another may be needed to see that it is there, and how many are tried."""
+
+QUICK = 6
+"""Passes of a fit that only tells whether a candidate is worth a whole one."""
+
 NOT_EVERYWHERE = "it does not show under every condition that should show it"
 
 

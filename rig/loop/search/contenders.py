@@ -73,3 +73,9 @@ def _explained(before: Fit, after: Fit) -> float:
         )
         total += 2.0 * squares * math.log(noise.sigma / now[kind].sigma)
     return total
+
+
+def log_squares(state: Fit) -> float:
+    """Give what is left of all kinds of piece: the sum over samples of the logarithm of the rms of their kind."""
+    noise = noise_of(state.about, state.linear)
+    return sum(known.samples * math.log(noise[known.kind].sigma) for known in state.about if known.kind in noise)

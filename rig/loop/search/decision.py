@@ -27,7 +27,10 @@ class Decision:
 
 @dataclass(frozen=True, slots=True)
 class Unadded:
-    """A term that was found and is significant, but was not added, and why. `order`: of a line."""
+    """A term that was found and is significant, but was not added, and why. `order`: of a line.
+
+    `followed`: speed (rad/s at the motor) up to which a torque line shows, where it does not at higher ones.
+    """
 
     kind: TermClass | ShapeClass
     order: float | None
@@ -35,6 +38,7 @@ class Unadded:
     p_value: float
     share: float
     why: str
+    followed: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

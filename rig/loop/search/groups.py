@@ -8,7 +8,7 @@ SET_SHARE = 0.9
 QUOTIENT = ("torque-constant-error", "torque-sensor-gain")
 """What base parameters take up, each its own: only that the two torques do not agree shows, never which is wrong."""
 
-LEAST_SLOPE = 3e-3
+LEAST_SLOPE = 3e-4
 """Relative deviation of the two torques' ratio that is worth a statement."""
 
 NESTED: Mapping[str, tuple[str, ...]] = {"rate-dependent-hysteresis": ("creep", "maxwell-slip")}

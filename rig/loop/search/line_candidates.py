@@ -10,12 +10,15 @@ from rig.loop.model.terms import Line, TermClass
 from rig.loop.search.aliases import aliases, likeliest, samplings
 from rig.loop.search.decision import Unadded
 from rig.loop.search.groups import SET_SHARE
-from rig.loop.search.lines import USUAL_HIGHEST_ORDER, refine
+from rig.loop.search.lines import LEAST_CYCLES, USUAL_HIGHEST_ORDER, refine
 from rig.loop.search.proposals import Proposal, propose
-from rig.loop.search.trial import Ground, Trial, gains, line_at, try_line
+from rig.loop.search.trial import ColumnsOf, Ground, Trial, gains, line_at, try_line
 
 STANDS_OUT = 30.0
 """Power over the median of the neighbourhood of a line that is looked at however little it explains."""
+
+MATTERS, MOST_LOOKED_AT = 0.3, 8
+"""Share of the best gain from which on a line that does not stand out is looked at, and how many are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +33,11 @@ class LineCandidate:
     def p_value(self) -> float:
         """The chance that noise alone would pass for it, counting all tests."""
         return min(1.0, self.trial.single_p * self.tests)
+
+    @property
+    def columns(self) -> tuple[ColumnsOf, int]:
+        """What gives its columns, and how many."""
+        return line_at(self.proposal.kind, self.proposal.order), self.trial.columns
 
     @property
     def line(self) -> Line:
@@ -51,32 +59,37 @@ def line_candidates(ground: Ground, known: Mapping[str, float]) -> list[LineCand
     sampled = {variable: samplings(ground.fit.linear, variable) for variable in {p.kind.variable for p in proposals}}
     found: list[LineCandidate] = []
     for rank, (gain, proposal) in enumerate(scored):
-        weak = rank >= 8 or (bool(found) and gain < 0.3 * max(candidate.trial.gain for candidate in found))
+        rivals = [x.trial.gain for x in found if not proposal.expected or x.proposal.kind == proposal.kind]
+        weak = gain < MATTERS * max(rivals, default=0.0) or (rank >= MOST_LOOKED_AT and not proposal.expected)
         if weak and proposal.height < STANDS_OUT:
             continue
         order, tests = proposal.kind.fixed_order, fixed_tests
         if order is None:
-            gain_at = functools.partial(_gains_at, ground, proposal.kind)
-            order, tests = refine(gain_at, proposal.order, proposal.resolution), free_tests
+            gain_at = functools.partial(gains_at, ground, proposal.kind)
+            order = refine(gain_at, proposal.order, proposal.resolution)
+            tests = fixed_tests if proposal.expected else free_tests
             legs = sampled[proposal.kind.variable]
             chosen = likeliest(order, aliases(order, USUAL_HIGHEST_ORDER, legs), legs)
             if chosen != order:
                 at_chosen, at_order = gain_at((chosen, order))
                 order = refine(gain_at, chosen, proposal.resolution) if at_chosen >= SET_SHARE * at_order else order
+            if order < LEAST_CYCLES * proposal.resolution:
+                continue
         trial = try_line(ground, proposal.kind, order)
         found.append(LineCandidate(trial, replace(proposal, order=order), tests))
     return sorted(found, key=lambda candidate: -candidate.trial.gain)
 
 
-def _gains_at(ground: Ground, kind: TermClass, orders: Sequence[float]) -> list[float]:
+def gains_at(ground: Ground, kind: TermClass, orders: Sequence[float]) -> list[float]:
+    """Give the gains of a line of this kind at several orders."""
     return gains(ground, [line_at(kind, order) for order in orders])
 
 
-def best_of_classes(lines: Sequence[LineCandidate]) -> list[Trial]:
-    """Give the best trial of every catalogue class of lines."""
-    best: dict[str, Trial] = {}
+def best_of_classes(lines: Sequence[LineCandidate]) -> list[LineCandidate]:
+    """Give the best of every catalogue class of lines. `lines`: best first."""
+    best: dict[str, LineCandidate] = {}
     for candidate in lines:
         effect = candidate.proposal.kind.effect
-        if effect is not None and candidate.trial.gain > best.get(effect, candidate.trial).gain * (effect in best):
-            best[effect] = candidate.trial
+        if effect is not None:
+            best.setdefault(effect, candidate)
     return list(best.values())

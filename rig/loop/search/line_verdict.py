@@ -1,39 +1,42 @@
 """Whether a line is added, under which name, and why not."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from rig.loop.fitting.fit import Fit, Material, refit, with_noise
+from rig.loop.fitting.fit import Fit, Material, fit, refit, with_noise
 from rig.loop.fitting.normal import LinearPiece
 from rig.loop.model.equations import Equation
 from rig.loop.model.evaluation import angle_addition
-from rig.loop.model.terms import Entry, Line, TermClass
+from rig.loop.model.terms import Entry, TermClass
 from rig.loop.result import Candidate, Verdict
 from rig.loop.search.acceptance import (
     BEST_SHARE,
+    COMPANION_SHARE,
     LARGE_SHARE,
     LEAST_CURVE_SHARE,
     LEAST_SHARE,
     MOST_CLASSES,
+    MOST_COMPANIONS,
     NOT_EVERYWHERE,
+    QUICK,
     objection,
     pays_jointly,
     unpaid_by,
 )
 from rig.loop.search.aliases import beats, samplings, small_beats
+from rig.loop.search.companions import next_line
 from rig.loop.search.compliance_form import other_compliance
 from rig.loop.search.decision import Accepted, Decision, Unadded
 from rig.loop.search.groups import LEAST_START_ANGLES, SET_SHARE, SINGLE_ANGLE_SET, TWINS
 from rig.loop.search.line_candidates import LineCandidate
-from rig.loop.search.proposals import Proposal, same_place
+from rig.loop.search.proposals import Proposal, is_nameless_angle, same_place
 from rig.loop.search.shape_trials import ShapeTrial, scales_of
-from rig.loop.search.trial import Ground, Trial, consistent, prepare, try_line
+from rig.loop.search.trial import Ground, Trial, consistent, explain_the_same, followed_up_to, prepare, try_line
 
-COMPANION_SHARE, MOST_COMPANIONS = 0.1, 2
-"""Share of a line's gain from which on another may be added together with it, and how many are."""
+BESIDE_AN_ANGLE = "beside another angle error it may be what that leaves, or the encoders' counts"
 
 CROWDED = "it cannot be told from a line that is there already"
 
@@ -56,19 +59,12 @@ def judge_line(
     # what bends an angle shows in the angle, not only in the torque by which it acts back on the motor
     share = trial.share_of(Equation.TORSION) if proposal.kind.is_angle else trial.share
     room = proposal.kind in kinds or len(kinds) < MOST_CLASSES
-    least = LEAST_CURVE_SHARE if proposal.kind.variable == "time" else LEAST_SHARE
+    nameless = proposal.kind.variable == "time" or is_nameless_angle(proposal.kind)
+    least = LEAST_CURVE_SHARE if nameless and proposal.kind not in kinds else LEAST_SHARE
     why, unpaid = objection(share, least, room=room), unpaid_by(trial)
-    legs = samplings(ground.fit.linear, proposal.kind.variable)
-    if (
-        not why
-        and proposal.kind.fixed_order is None
-        and beats(proposal.order, ground.fit.linear, proposal.kind.variable, legs)
-    ):
-        why = "it is the encoder's counts beating with the samples"
-    if not why and proposal.kind.is_angle and proposal.kind.fixed_order is None:
-        size, ratio = _angle_at_output(trial, proposal.kind, ground), ground.fit.model.ratio or 1.0
-        if small_beats(proposal.order, size, ground.fit.linear, proposal.kind.variable, legs, ratio):
-            why = "it is no larger than what an encoder's counts make, and beats with the samples as they do"
+    if not why and is_nameless_angle(proposal.kind) and any(k.is_angle and k != proposal.kind for k in kinds):
+        why = BESIDE_AN_ANGLE
+    why = why or _beats(ground, candidate)
     # a strong term bends the base so far that only a joint refit can tell whether it pays
     if why or (unpaid and not large):
         return candidate.unadded(candidate.p_value, why or unpaid) if significant else None
@@ -76,39 +72,61 @@ def judge_line(
     if pick is None:
         return candidate.unadded(candidate.p_value, "another shape explains more") if significant else None
     decision, chosen = pick
-    for more in ((), *_companions(ground, chosen, candidates, alpha)):
-        lines = (*ground.fit.model.lines, chosen.line, *more)
-        joint = refit(pieces, ground.fit, replace(ground.fit.model, lines=lines))
-        p_value = _second_look(ground, joint, candidate)
-        if p_value > alpha:
-            return None
-        why = _joint_objection(ground, joint, unpaid, proposal.resolution, 1 + len(more))
+    first: Fit | None = None
+    lines = [chosen]
+    while True:
+        model = replace(ground.fit.model, lines=(*ground.fit.model.lines, *(one.line for one in lines)))
+        # most candidates fail here already, at a small part of the time that a whole fit takes
+        quick = fit(pieces.all, model, ground.fit.noise, passes=QUICK, block=ground.fit.block)
+        p_value, why = candidate.p_value, _joint_objection(ground, quick, unpaid, proposal.resolution, len(lines))
         if not why:
-            return Accepted(replace(decision, p_value=p_value), joint)
-        if why == CROWDED:
+            joint = refit(pieces, ground.fit, model)
+            p_value = _second_look(ground, joint, candidate)
+            if p_value > alpha:
+                return None
+            why = _joint_objection(ground, joint, unpaid, proposal.resolution, len(lines))
+            if not why:
+                return Accepted(replace(decision, p_value=p_value), joint)
+        first = first or quick
+        more = None if why == CROWDED or not significant else _companion(ground, quick, lines, alpha)
+        if more is None:
             break
-    return candidate.unadded(p_value, why)
+        lines.append(more)
+    if p_value > alpha:
+        return None
+    followed = None
+    if why == NOT_EVERYWHERE and not proposal.kind.is_angle:
+        followed = followed_up_to(first, len(ground.fit.model.lines))
+    return replace(candidate.unadded(p_value, why), followed=followed)
 
 
-def _companions(
-    ground: Ground, chosen: LineCandidate, candidates: Sequence[LineCandidate], alpha: float
-) -> Iterator[tuple[Line, ...]]:
-    """Give the other lines of the same sort that may be needed to see that this one is there: one, then two.
+def _beats(ground: Ground, candidate: LineCandidate) -> str:
+    """Say that a line is what an encoder's counts make as they beat with the samples; empty if it is not."""
+    trial, proposal = candidate.trial, candidate.proposal
+    if proposal.kind.fixed_order is not None:
+        return ""
+    legs = samplings(ground.fit.linear, proposal.kind.variable)
+    if beats(proposal.order, ground.fit.linear, proposal.kind.variable, legs):
+        return "it is the encoder's counts beating with the samples"
+    if proposal.kind.is_angle:
+        size, ratio = _angle_at_output(trial, proposal.kind, ground), ground.fit.model.ratio or 1.0
+        if small_beats(proposal.order, size, ground.fit.linear, proposal.kind.variable, legs, ratio):
+            return "it is no larger than what an encoder's counts make, and beats with the samples as they do"
+    return ""
 
-    A tooth or a bearing makes several lines. Where a run sees short pieces of a turn, another of them may show more
-    there, and hide that this one shows too. None that may be chance at the false-alarm rate `alpha`.
+
+def _companion(ground: Ground, with_lines: Fit, lines: Sequence[LineCandidate], alpha: float) -> LineCandidate | None:
+    """Give a further line of the same sort that may be needed to see that the first is there; None if there is none.
+
+    None that may be chance at the false-alarm rate `alpha`, is small beside the first, or is one that is there already.
     """
-    kind, gain = chosen.proposal.kind, chosen.trial.gain
-    ratio = ground.fit.model.ratio or 1.0
-    found: list[LineCandidate] = []
-    for other in candidates:
-        apart = all(not same_place(ratio, other.proposal, one.proposal) for one in (chosen, *found))
-        large = other.trial.gain >= COMPANION_SHARE * gain and other.p_value <= alpha
-        if other.proposal.kind == kind and apart and large and not _already_there(ground, other.proposal):
-            found.append(other)
-            yield tuple(one.line for one in found)
-        if len(found) == MOST_COMPANIONS:
-            return
+    if len(lines) > MOST_COMPANIONS:
+        return None
+    found, ratio = next_line(with_lines, lines[0].proposal.kind), ground.fit.model.ratio or 1.0
+    if found is None or found.p_value > alpha or found.trial.gain < COMPANION_SHARE * lines[0].trial.gain:
+        return None
+    near = any(same_place(ratio, found.proposal, one.proposal) for one in lines)
+    return None if near or _already_there(ground, found.proposal) or _beats(ground, found) else found
 
 
 def _second_look(ground: Ground, joint: Fit, candidate: LineCandidate) -> float:
@@ -162,7 +180,11 @@ def _named(
     named = [c for c in peers if c.proposal.kind.effect is not None and c.trial.gain >= BEST_SHARE * most]
     pick = max(named or peers, key=lambda candidate: candidate.trial.gain)
     kind, order, gain = pick.proposal.kind, pick.proposal.order, pick.trial.gain
-    rivals = [item.trial for item in shapes]
+    rivals = [
+        item.trial
+        for item in shapes
+        if item.trial.gain >= SET_SHARE * gain and explain_the_same(ground, pick.columns, item.columns)
+    ]
     if kind.is_angle:
         rivals.append(other_compliance(ground, scales_of(ground.fit.linear, {}).torque))
     if any(rival.gain > gain / BEST_SHARE for rival in rivals):
@@ -179,7 +201,8 @@ def _named(
     if kind.effect == "kinematic-error" and not _angles_cover(ground):
         near |= set(SINGLE_ANGLE_SET)
     tried = [Candidate(peer.trial.label, peer.trial.gain, peer.p_value) for peer in peers]
-    tried += [Candidate(rival.label, rival.gain, min(1.0, rival.single_p * best.tests)) for rival in rivals]
+    others_tried = [item.trial for item in shapes]
+    tried += [Candidate(other.label, other.gain, min(1.0, other.single_p * best.tests)) for other in others_tried]
     ordered = tuple(sorted(tried, key=lambda candidate: -candidate.gain))
     members = tuple(sorted(near | {kind.id})) if near else ()
     verdict = Verdict.AMBIGUOUS if near else Verdict.NAMED if kind.effect else Verdict.UNNAMED

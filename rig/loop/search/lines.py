@@ -8,6 +8,7 @@ spectrum only proposes: size and significance come from exact columns (rig.loop.
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,14 @@ OTHER_SPEED = 0.02
 """Relative difference from which legs differ in speed."""
 
 
+class Times(StrEnum):
+    """What the residual is multiplied by before it is scanned: a line that flips with it would cancel otherwise."""
+
+    NOTHING = "nothing"
+    DIRECTION = "direction"
+    TORQUE = "output torque"
+
+
 @dataclass(frozen=True, slots=True)
 class Peak:
     """A proposed order (cycles per revolution) and its power relative to the neighbourhood."""
@@ -70,7 +79,7 @@ class _Travel:
 
 
 def scan(
-    fit: Fit, kind: Kind, variable: str, *, against_motion: bool = False, turning_only: bool = False
+    fit: Fit, kind: Kind, variable: str, *, times: Times = Times.NOTHING, turning_only: bool = False
 ) -> Spectrum | None:
     """Give the spectrum of the weighted residual over an angle, of the pieces of a kind; None where there is no travel.
 
@@ -89,7 +98,7 @@ def scan(
     highest = min(HIGHEST_ORDER, sampled if alone else max(USUAL_HIGHEST_ORDER, sampled))
     width = max(2.0 * np.pi / (BINS_A_CYCLE * highest), travel / MOST_BINS)
     summed = np.zeros(int(min(travel / width, MOST_BINS)) + 1)
-    for bins in fit.linear.map(_binned, kind, variable, turning_only, against_motion, low, width):
+    for bins in fit.linear.map(_binned, kind, variable, turning_only, times, low, width):
         if bins is not None:
             np.add.at(summed, bins[0], bins[1])
     size = 1 << (2 * summed.size - 1).bit_length()
@@ -129,18 +138,28 @@ def _finest(known: Sequence[_Travel]) -> float:
 
 
 def _binned(
-    item: LinearPiece, kind: Kind, variable: str, turning_only: bool, against_motion: bool, low: float, width: float
+    item: LinearPiece, kind: Kind, variable: str, turning_only: bool, times: Times, low: float, width: float
 ) -> tuple[NDArray[np.intp], Floats] | None:
     """Sum the weighted residual into bins of an angle: their numbers and the sums, of those that hold any."""
     angle = _angle(item, kind, variable, turning_only)
     if angle is None:
         return None
-    direction = item.evaluation.direction[item.piece.index] if against_motion else 1.0
+    factor = _factor(item, times)
     bins = np.minimum((angle - low) / width, MOST_BINS).astype(np.intp)
     first = int(bins.min())
-    sums = np.bincount(bins - first, weights=item.weight * item.residual * direction)
+    sums = np.bincount(bins - first, weights=item.weight * item.residual * factor)
     held = np.flatnonzero(sums)
     return (held + first).astype(np.intp), np.asarray(sums[held], dtype=float)
+
+
+def _factor(item: LinearPiece, times: Times) -> Floats | float:
+    match times:
+        case Times.DIRECTION:
+            return item.evaluation.direction[item.piece.index]
+        case Times.TORQUE:
+            return item.evaluation.torque[item.piece.index]
+        case _:
+            return 1.0
 
 
 def one_speed(fit: Fit, kind: Kind) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 from rig.loop.fitting.normal import Kind, LinearPiece
 from rig.loop.model.equations import Equation
 from rig.loop.model.terms import Entry, TermClass, periodic_effects
-from rig.loop.search.lines import Peak, Spectrum, one_speed, peaks, scan
+from rig.loop.search.lines import Peak, Spectrum, Times, one_speed, peaks, scan
 from rig.loop.search.trial import Ground, gains, line_at
 
 LOW_ORDERS = 12.0
@@ -20,8 +20,9 @@ LOW_ORDERS = 12.0
 
 PEAKS_BY_HEIGHT = 3
 PEAKS_BY_POWER = 3
-MOST_MODULATIONS = 6.0
-"""Cycles of the stiffness per motor turn that are looked for."""
+MOST_MODULATIONS = 6
+"""Cycles of the stiffness per motor turn that are looked for; whole ones, as mesh zone and ellipse turn with the plug,
+are tried in any case: few start angles make a spectrum of aliases."""
 
 LOWEST_FREQUENCY, FEWEST_PERIODS = 0.3, 5.0
 """Hz above which a line over the time is looked for, and its periods in the longest run at least: what is slower may
@@ -36,12 +37,16 @@ LEAST_LINES = 16
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """A class to try at an order (1/rev); `resolution`: width of the peak, 1/rev; `height`: how far it stands out."""
+    """A class to try at an order (1/rev); `resolution`: width of the peak, 1/rev; `height`: how far it stands out.
+
+    `expected`: whether the order is tried whatever the spectrum shows.
+    """
 
     kind: TermClass
     order: float
     resolution: float
     height: float = 0.0
+    expected: bool = False
 
 
 def propose(ground: Ground, known: Mapping[str, float]) -> tuple[list[Proposal], float, float]:
@@ -60,16 +65,27 @@ def propose(ground: Ground, known: Mapping[str, float]) -> tuple[list[Proposal],
         equation = kind[0]
         has_motor = any(ground.fit.linear.map(_has_motor, kind))
         variable = "motor_position" if has_motor else "output_position"
-        for against in (False, True) if equation is not Equation.TORSION else (False,):
-            spectrum = scan(ground.fit, kind, variable, against_motion=against)
+        if equation is Equation.TORSION and has_motor and not kind[2]:
+            swept = scan(ground.fit, kind, variable, times=Times.TORQUE)
+            if swept is not None:
+                modulations = _up_to(swept, MOST_MODULATIONS)
+                tests += modulations.tests
+                found += _modulations(tops(modulations), swept.resolution, effects)
+        for times in (Times.NOTHING, Times.DIRECTION) if equation is not Equation.TORSION else (Times.NOTHING,):
+            spectrum = scan(ground.fit, kind, variable, times=times)
             if spectrum is None:
                 continue
+            against = times is Times.DIRECTION
             tests += spectrum.tests
-            tops = _tops(spectrum)
+            highest = tops(spectrum)
             if equation is Equation.TORSION and not any(item.moves for item in known_pieces):
-                tops += _low_orders(ground, effects, spectrum.resolution)
-            for peak in tops:
+                highest += _low_orders(ground, effects, spectrum.resolution)
+            for peak in highest:
                 classes = _classes(equation, variable, peak.order, spectrum.resolution, ratio, effects, against=against)
+                if not kind[
+                    2
+                ]:  # in a sweep the angle follows the torque: without its reaction a line is any compliance
+                    classes = [proposal for proposal in classes if not is_nameless_angle(proposal.kind)]
                 if equation is Equation.TORSION and variable == "motor_position" and ratio is not None:
                     classes += _subdivisions(peak.order * ratio, spectrum.resolution * ratio, counts, effects)
                 found += [replace(proposal, height=peak.height) for proposal in classes]
@@ -79,9 +95,25 @@ def propose(ground: Ground, known: Mapping[str, float]) -> tuple[list[Proposal],
             tests += hum.tests
             slowest = max(LOWEST_FREQUENCY, FEWEST_PERIODS * hum.resolution)
             over_time = TermClass(None, _BALANCE.get(equation, Entry.MOTOR), "time")
-            found += [Proposal(over_time, p.order, hum.resolution, p.height) for p in _tops(hum) if p.order > slowest]
+            found += [Proposal(over_time, p.order, hum.resolution, p.height) for p in tops(hum) if p.order > slowest]
     fixed = [Proposal(effect, effect.fixed_order, 0.0) for effect in effects if effect.fixed_order is not None]
-    return found + fixed, 2.0 * max(tests, 1.0), 2.0 * max(len(fixed), 1)
+    expected = sum(proposal.expected for proposal in found)
+    return found + fixed, 2.0 * max(tests, 1.0), 2.0 * max(len(fixed) + expected, 1)
+
+
+def _up_to(spectrum: Spectrum, highest: float) -> Spectrum:
+    """Leave out higher orders."""
+    keep = spectrum.orders <= highest
+    tests = max(1.0, 2.0 * highest / spectrum.resolution)
+    return replace(spectrum, orders=spectrum.orders[keep], power=spectrum.power[keep], tests=tests)
+
+
+def _modulations(highest: Sequence[Peak], resolution: float, effects: Sequence[TermClass]) -> list[Proposal]:
+    """Give what makes a torsion larger at some angles than at others."""
+    kinds = [kind for kind in effects if kind.entry is Entry.TORSION_TIMES_TORQUE]
+    whole = [float(order) for order in range(1, MOST_MODULATIONS + 1)]
+    found = [Proposal(kind, order, resolution, expected=True) for kind in kinds for order in whole]
+    return found + [Proposal(kind, peak.order, resolution, peak.height) for kind in kinds for peak in highest]
 
 
 def _has_motor(item: LinearPiece, kind: Kind) -> bool:
@@ -106,7 +138,7 @@ def _low_orders(ground: Ground, effects: Sequence[TermClass], resolution: float)
     return [Peak(order, 0.0) for order in found]
 
 
-def _tops(spectrum: Spectrum) -> list[Peak]:
+def tops(spectrum: Spectrum) -> list[Peak]:
     """Give the peaks that stand out most and those with most power; a slow strong line need not stand out."""
     found = list(peaks(spectrum, PEAKS_BY_HEIGHT))
     powerful = 0
@@ -157,10 +189,11 @@ def _classes(
         return [Proposal(kind, order, resolution) for kind in same]
     if current:
         kinds = [kind for kind in kinds if kind.entry is Entry.MOTOR]
-    if variable == "output_position" or not kinds:
+    if variable == "output_position" or not kinds or equation is Equation.TORSION:
+        # an angle error of the motor's angle acts back on the motor, unless it is none of the catalogue's
         entry = Entry.ANGLE_ONLY if equation is Equation.TORSION else Entry.MOTOR if motor else Entry.OUTPUT
         kinds.append(TermClass(None, entry, variable))
-        if entry is Entry.ANGLE_ONLY:
+        if entry is Entry.ANGLE_ONLY and variable == "output_position":
             kinds.append(TermClass(None, Entry.OUTPUT, variable))
     return [Proposal(kind, order, resolution) for kind in kinds]
 
@@ -176,6 +209,11 @@ def _subdivisions(
     if counts is None or whole < LEAST_LINES or abs(order - whole) > resolution or round(counts) % whole:
         return []
     return [Proposal(kind, float(whole), resolution) for kind in effects if kind.effect == SUBDIVISION]
+
+
+def is_nameless_angle(kind: TermClass) -> bool:
+    """Whether it is an error of the motor's angle that does not act back on the motor."""
+    return kind.effect is None and kind.entry is Entry.ANGLE_ONLY and kind.variable == "motor_position"
 
 
 def same_place(ratio: float, one: Proposal, other: Proposal) -> bool:

@@ -50,6 +50,7 @@ def select(
         left = tuple(item.trial for item in shapes)
         present = {term.effect.id for term in current.model.shapes}
         present |= set(QUOTIENT) if present & set(QUOTIENT) else set()
+        present |= {name for decision in decisions for name in decision.members}
         shapes = [item for item in shapes if item.term.effect.id not in present]
         shapes = by_joint_fit(pieces.few, ground, shapes, alpha)
         accepted = _round(pieces, ground, lines, shapes, alpha, decisions, unadded)
@@ -79,6 +80,7 @@ def _round(
 ) -> tuple[Decision, Fit] | None:
     """Give the best term that may be added, and the fit with it; None if there is none."""
     candidates: list[LineCandidate | ShapeTrial] = [*lines, *shapes]
+    lines = list(lines)
     for candidate in sorted(candidates, key=lambda candidate: -candidate.trial.gain):
         if isinstance(candidate, ShapeTrial):
             judged = judge_shape(pieces, ground, candidate, lines, shapes, alpha, decisions)
@@ -91,4 +93,5 @@ def _round(
             return judged.decision, judged.fit
         if judged is not None:
             unadded[key] = judged
+            lines = [line for line in lines if line is not candidate]  # what is refused is no rival of the others
     return None

@@ -50,11 +50,19 @@ NEXT_VALUE, NEXT_FREQUENCY = 1.3, 2.0 * FINEST_DAMPING
 
 @dataclass(frozen=True, slots=True)
 class ShapeTrial:
-    """One effect at its best parameters: how it fares, and among how many points of all grids it was found."""
+    """One effect at its best parameters: how it fares, and among how many tests it was found.
+
+    `tests`: twice the number of effects times the points of its own grid.
+    """
 
     term: ShapeTerm
     trial: Trial
     tests: float
+
+    @property
+    def columns(self) -> tuple[ColumnsOf, int]:
+        """What gives its columns, and how many."""
+        return shape_of(self.term), self.trial.columns
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,16 +85,16 @@ def shape_trials(ground: Ground, sparse: Ground, scales: Scales, least: float) -
     first = [_best_of(_where_to_look(ground, sparse, terms[0]), terms) for terms in starts]
     best = list(zip(gains(ground, [shape_of(term) for term in first]), first, strict=True))
     most = max([least, *(gain for gain, _ in best)], default=0.0)
-    tests = 2.0 * sum(len(terms) for terms in starts)
     found = []
-    for gain, term in best:
+    for (gain, term), grid in zip(best, starts, strict=True):
         if gain <= 0.0:
             continue
         tuned = _refined(_where_to_look(ground, sparse, term), term) if gain >= REFINED * most else term
         trial = try_columns(ground, term.effect.id, shape_of(tuned))
         sized_term = sized(tuned, trial.amplitudes)
         if trial.gain > 0.0 and sized_term is not None:
-            found.append(ShapeTrial(sized_term, trial, tests))
+            # every effect has its share of the false alarms, however fine its grid
+            found.append(ShapeTrial(sized_term, trial, 2.0 * len(starts) * len(grid)))
     return sorted(found, key=lambda item: -item.trial.gain)
 
 

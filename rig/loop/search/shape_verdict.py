@@ -5,30 +5,42 @@ from dataclasses import replace
 
 import numpy as np
 
-from rig.loop.fitting.fit import Material, fit, refit, with_noise
+from rig.loop.fitting.fit import Fit, Material, fit, refit, with_noise
 from rig.loop.model.equations import Equation
+from rig.loop.model.prediction import Model
+from rig.loop.model.shapes import ShapeClass, ShapeTerm
 from rig.loop.result import Candidate, Verdict
 from rig.loop.search.acceptance import (
     BEST_SHARE,
+    COMPANION_SHARE,
     LARGE_SHARE,
     LEAST_SHAPE_SHARE,
     MOST_CLASSES,
+    MOST_COMPANIONS,
     NOT_EVERYWHERE,
+    QUICK,
     objection,
     pays_jointly,
     unpaid_by,
 )
 from rig.loop.search.aliases import counts_pass
 from rig.loop.search.compliance_form import other_compliance
+from rig.loop.search.contenders import log_squares
 from rig.loop.search.decision import Accepted, Decision, Unadded
 from rig.loop.search.groups import LEAST_SLOPE, NESTED, QUOTIENT, SET_SHARE
 from rig.loop.search.line_candidates import LineCandidate, best_of_classes
 from rig.loop.search.shape_trials import Scales, ShapeTrial, scales_of, shape_of, shape_trials
-from rig.loop.search.trial import Ground, consistent_shape, prepare, try_columns
+from rig.loop.search.trial import Ground, consistent_shape, explain_the_same, prepare, try_columns
 from sim_backend.model.effects import Enters
 
 LEAST_DELAY = 5e-4
 """s: half a cycle at 1 kHz, by which the output torque of a sweep is early where a drive holds each set-point."""
+
+MOST_MEMBERS = 2
+"""Rivals of a set that are fitted to see which of it fits best."""
+
+REACH = 0.5
+"""Share of the largest speed up to which an effect must have changed."""
 
 COUNTS = {"motor_position": "encoder_counts", "output_position": "output_encoder_counts"}
 """Which of the device's parameters holds the counts per revolution of an angle."""
@@ -42,8 +54,17 @@ def shape_candidates(pieces: Material, ground: Ground, known: Mapping[str, float
     return [
         item
         for item in shape_trials(ground, sparse, scales, least)
-        if not counts_pass(item.term.frequencies, ground.fit.linear, counts) and not _is_slight(item)
+        if not counts_pass(item.term.frequencies, ground.fit.linear, counts)
+        and not _is_slight(item)
+        and _is_in_reach(item, scales)
     ]
+
+
+def _is_in_reach(item: ShapeTrial, scales: Scales) -> bool:
+    """Whether the speeds were seen over which an effect changes: a part of a fall of friction is any curve."""
+    term = item.term
+    speeds = [v for p, v in zip(term.effect.parameters, term.values, strict=True) if p.unit == "rad/s"]
+    return all(speed <= REACH * scales.speed for speed in speeds)
 
 
 def _scales(ground: Ground, known: Mapping[str, float]) -> Scales:
@@ -94,13 +115,23 @@ def judge_shape(
     if term.effect.enters is Enters.TORSION and _without_windup(ground):
         return unadded("without a motor torque it cannot be told from the windup of the wave generator")
     form = other_compliance(ground, scales_of(ground.fit.linear, {}).torque)
-    peers = [*(x.trial for x in shapes if x is not candidate), *best_of_classes(lines), form]
-    outer = {name for name, within in NESTED.items() if term.effect.id in within}
-    near = {p.label for p in peers if p.gain >= SET_SHARE * trial.gain and p.label not in {*outer, term.effect.id}}
+    peers: list[ShapeTrial | LineCandidate] = [*(x for x in shapes if x is not candidate), *best_of_classes(lines)]
+    apart = {term.effect.id, *(name for name, within in NESTED.items() if term.effect.id in within)}
+    near = {
+        peer.trial.label
+        for peer in peers
+        if peer.trial.gain >= SET_SHARE * trial.gain
+        and peer.trial.label not in apart
+        and explain_the_same(ground, candidate.columns, peer.columns)
+    }
+    near |= {form.label} if form.gain >= SET_SHARE * trial.gain else set()
     near |= set(QUOTIENT) - {term.effect.id} if term.effect.id in QUOTIENT else set()
     if form.gain > trial.gain / BEST_SHARE:
         return unadded("another shape explains more")
-    joint = refit(pieces, ground.fit, replace(ground.fit.model, shapes=(*ground.fit.model.shapes, term)))
+    model = replace(ground.fit.model, shapes=(*ground.fit.model.shapes, term))
+    if unpaid and not _may_pay(pieces, ground, model):
+        return unadded(unpaid)
+    joint = refit(pieces, ground.fit, model)
     again = prepare(with_noise(ground.fit, joint.noise))
     second = try_columns(again, term.effect.id, shape_of(joint.model.shapes[-1]))
     p_value = min(1.0, 2.0 * min(p_value, second.single_p * candidate.tests))
@@ -108,13 +139,64 @@ def judge_shape(
         return None
     if unpaid and not pays_jointly(ground.fit, joint):
         return unadded(unpaid)
-    if not consistent_shape(joint, len(joint.model.shapes) - 1):
+    if not (
+        consistent_shape(joint, len(joint.model.shapes) - 1)
+        or _consistent_beside_another(pieces, ground, candidate, shapes, alpha)
+    ):
         return unadded(NOT_EVERYWHERE)
-    tried = [Candidate(p.label, p.gain, min(1.0, p.single_p * candidate.tests)) for p in (trial, *peers) if p.gain > 0]
+    all_tried = [trial, *(peer.trial for peer in peers), form]
+    tried = [Candidate(p.label, p.gain, min(1.0, p.single_p * candidate.tests)) for p in all_tried if p.gain > 0]
     members = tuple(sorted(near | {term.effect.id})) if near else ()
     verdict = Verdict.AMBIGUOUS if near else Verdict.NAMED
     ordered = tuple(sorted(tried, key=lambda item: -item.gain))
-    return Accepted(Decision(term.kind, verdict, members, ordered, p_value), joint)
+    rivals = [x.term for x in shapes if x.term.effect.id in near and x.term.effect.id not in QUOTIENT]
+    kind, best = _best_member(pieces, ground, term, joint, rivals[:MOST_MEMBERS])
+    return Accepted(Decision(kind, verdict, members, ordered, p_value), best)
+
+
+def _best_member(
+    pieces: Material, ground: Ground, term: ShapeTerm, joint: Fit, rivals: Sequence[ShapeTerm]
+) -> tuple[ShapeClass, Fit]:
+    """Give which of a set fits best over all samples: what another leaves would be taken for one more effect."""
+    kind, best = term.kind, joint
+    for rival in rivals:
+        model = replace(ground.fit.model, shapes=(*ground.fit.model.shapes, rival))
+        like = refit(pieces, ground.fit, model)
+        if log_squares(like) < log_squares(best):
+            kind, best = rival.kind, like
+    return kind, best
+
+
+def _consistent_beside_another(
+    pieces: Material, ground: Ground, candidate: ShapeTrial, shapes: Sequence[ShapeTrial], alpha: float
+) -> bool:
+    """Whether an effect shows everywhere once another is there that explains something else.
+
+    A transducer that drifts with the temperature is also offset, unless it was tared at the catalogue's temperature.
+    """
+    others = [
+        item
+        for item in shapes
+        if item is not candidate
+        and item.trial.gain >= COMPANION_SHARE * candidate.trial.gain
+        and item.trial.single_p * item.tests <= alpha
+    ]
+    for other in others[:MOST_COMPANIONS]:
+        if explain_the_same(ground, candidate.columns, other.columns):
+            continue
+        shapes_with_both = (*ground.fit.model.shapes, candidate.term, other.term)
+        joint = refit(pieces, ground.fit, replace(ground.fit.model, shapes=shapes_with_both))
+        last = len(joint.model.shapes)
+        if consistent_shape(joint, last - 2) and consistent_shape(joint, last - 1):
+            return True
+    return False
+
+
+def _may_pay(pieces: Material, ground: Ground, model: Model) -> bool:
+    """Whether a joint fit to few samples pays when runs are left out; it costs a small part of a whole one."""
+    now = ground.fit
+    before = fit(pieces.few, now.model, now.noise, passes=QUICK, block=now.block)
+    return pays_jointly(before, fit(pieces.few, model, now.noise, passes=QUICK, block=now.block))
 
 
 def _without_windup(ground: Ground) -> bool:

@@ -219,8 +219,8 @@ def unnamed(
         best, current, p_value, tried = found
         decisions.append(_of_curve(best, p_value, tried))
     if any(isinstance(term.effect, Curve) for term in current.model.shapes):
-        for term in [x for x in current.model.shapes if not isinstance(x.effect, Curve)]:
-            here = next(x for x in current.model.shapes if x.kind == term.kind)
+        for kind in [x.kind for x in current.model.shapes[:-1]]:
+            here = next(x for x in current.model.shapes if x.kind == kind)
             if not _still_needed(pieces.few, current, here, alpha):
                 shapes = tuple(x for x in current.model.shapes if x is not here)
                 current = refit(pieces, current, replace(current.model, shapes=shapes))
@@ -302,10 +302,12 @@ def _better_curve(
 
 
 def _still_needed(few: Held[Piece], current: Fit, term: ShapeTerm, alpha: float) -> bool:
-    """Whether an effect would be added to what else is there now."""
+    """Whether an effect or a curve would be added to what else is there now."""
     without = prepare(_without(few, current, term))
-    trial = try_columns(without, term.effect.id, shape_of(term))
-    return trial.single_p <= alpha and trial.share >= LEAST_SHAPE_SHARE and not unpaid_by(trial)
+    is_curve = isinstance(term.effect, Curve)
+    trial = try_columns(without, term.effect.id, shape_of(term), ridge=RIDGE if is_curve else 0.0)
+    least = LEAST_CURVE_SHARE if is_curve else LEAST_SHAPE_SHARE
+    return trial.single_p <= alpha and trial.share >= least and not unpaid_by(trial)
 
 
 def _without(few: Held[Piece], current: Fit, term: ShapeTerm) -> Fit:

@@ -15,7 +15,7 @@ from rig.loop.model.equations import Equation
 from rig.loop.model.parameters import flexspline_entries
 from rig.loop.model.prediction import Model
 from rig.loop.result import EquationResult, Json, Open, Verdict
-from rig.loop.search.acceptance import LEAST_IMPROVED
+from rig.loop.search.acceptance import LEAST_IMPROVED, LEAST_SHAPE_SHARE
 from rig.loop.search.decision import Selection
 from rig.loop.search.groups import LEAST_SLOPE, QUOTIENT
 from rig.loop.statements.channels import correlations
@@ -40,13 +40,13 @@ SURE_OF_MANY = 1e-7
 ABOVE_FLOOR = 1.5
 """Times the upper end of the floor's interval beyond which what is left is no longer noise."""
 
+MANY_COUNTS = 4
+"""Counts of a step from which its error no longer tells a whole number."""
+
 OUTLIER = 5.0
 """Standard deviations beyond which a value is an outlier."""
 
 MISSING_DWELL = f"a dwell of {LEAST_DWELL:g} s before the first motion of every run"
-
-LEAST_SHAPE_SHARE = 0.02
-"""Share of the torsion's squares that a shape must explain to be evidence."""
 
 
 def open_statements(
@@ -125,11 +125,18 @@ def _events(residuals: Sequence[Residual], events: Sequence[tuple[Event, ...]], 
             "odd_runs": [run for run, _ in runs.most_common()],
             "replicate_pairs": len(pairs(members)),
             "channels": _channels(residuals, equation, used),
-            "meaning": "the torsion steps by whole counts of the motor's encoder at single moments, and stays there; "
+            "meaning": f"the torsion steps {_by(listed)} at single moments, and stays there; "
             + ("no replicate steps with it" if pairs(members) else "no run was repeated that could show it again"),
         }
         found.append(Open(Verdict.UNCONTROLLED, evidence, times=tuple(event.time for event in listed)))
     return found
+
+
+def _by(events: Sequence[Event]) -> str:
+    """Say what the steps come to: a step of many counts is whole within its error, whatever made it."""
+    if all(abs(event.counts) < MANY_COUNTS for event in events):
+        return "by whole counts of the motor's encoder"
+    return "by many counts of the motor's encoder, whole or not: it lost them, or a coupling or the lock slipped"
 
 
 def _channels(residuals: Sequence[Residual], equation: str, used: Collection[str]) -> Json:

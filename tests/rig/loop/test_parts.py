@@ -1,6 +1,7 @@
 """Parts of the loop against closed forms."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,10 +11,14 @@ from rig.loop.campaign import LoopOptions, split_runs
 from rig.loop.fitting.normal import correlation_length, solve
 from rig.loop.model.equations import Equation, distinct_readings, pieces_of
 from rig.loop.model.parameters import flexspline_from_catalogue
+from rig.loop.model.prediction import predict
+from rig.loop.model.shapes import ShapeTerm
 from rig.loop.model.terms import Line, line_values, periodic_effects
 from rig.loop.signals.play import play_path
 from rig.loop.signals.tracks import make_track
+from rig.loop.trace import start_model
 from sim_backend.model.arrays import evaluate
+from sim_backend.model.compliance import Compliance
 from sim_backend.model.effects import CATALOGUE
 from tests.rig.loop.runs import dut, make_run, turning_run
 from tests.slopes import evaluate_slope
@@ -134,3 +139,21 @@ def test_the_sample_that_stands_for_equal_readings_is_neither_early_nor_late() -
     assert chosen.size == 200
     # pairs begin at the even samples: their middle is half a sample later
     assert np.mean(chosen - (2 * np.arange(200) + 0.5)) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_free_run_takes_the_mean_of_what_its_torque_reading_is_wrong_by() -> None:
+    """N*m at the motor: friction + (mean reading - mean error) / N; the torque of a drive that turns freely is one."""
+    noise = 0.02 * np.random.default_rng(3).standard_normal(2400)
+    run = turning_run("free-run-01", 1)
+    drift = 1e-3 * run.time
+    further = {"output_torque": noise + 0.4 + drift, "temperature": np.full(run.time.size, 25.0)}
+    run = replace(run, signals={**run.signals, **further})
+    track = make_track(run, dut())
+    (piece,) = [p for p in pieces_of(track, 100.0) if p.equation is Equation.MOTOR_TORQUE]
+    start = start_model(dut(), 100.0, Compliance.ARCTAN, None)
+    effect = CATALOGUE["torque-sensor-drift"]
+    given = {"per_kelvin": 0.0, "per_second": 1e-3, "reference": 25.0}
+    term = ShapeTerm(effect, tuple(given[parameter.name] for parameter in effect.parameters))
+    without, with_it = (predict(piece, replace(start, shapes=shapes)) for shapes in ((), (term,)))
+    fell = without.value - with_it.value
+    assert fell == pytest.approx(np.full(fell.size, float(drift[: track.size].mean()) / 100.0), abs=1e-6)

@@ -45,6 +45,7 @@ def test_a_run_that_lost_counts_is_named_with_time_and_counts_and_is_to_be_repea
     assert event["time_s"] == pytest.approx(AT, abs=0.1)
     assert told.evidence["odd_runs"] == ["locked-output-01b"]
     assert "no replicate steps with it" in told.evidence["meaning"]
+    assert "by many counts" in told.evidence["meaning"]  # the error of a large step tells no whole number
     assert set(told.evidence["channels"]) == {"temperature"}
     again = told.next_experiment
     assert again.command == (

@@ -40,12 +40,15 @@ def cluster(items: list[Any]) -> Iterator[Held[Any]]:
     distributed = pytest.importorskip("distributed", reason="needs the extra `cluster`")
     with (
         distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None, protocol="inproc://"
+            n_workers=2, threads_per_worker=1, processes=False, dashboard_address=ANY_PORT, protocol="inproc://"
         ) as local,
         hold(items, [1] * len(items), local.scheduler_address) as held,
     ):
         yield held
 
+
+ANY_PORT = ":0"
+"""Of the cluster's web pages, which it serves whether one wants them or not: tests run side by side."""
 
 PLACES = pytest.mark.parametrize("place", [here, processes, cluster])
 slow_to_start = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
@@ -207,6 +210,6 @@ def test_a_campaign_gives_the_same_result_in_processes(traced: dict[str, Any], m
 @slow_to_start
 def test_a_campaign_gives_the_same_result_on_a_cluster(traced: dict[str, Any]) -> None:
     distributed = pytest.importorskip("distributed", reason="needs the extra `cluster`")
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as local:
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=ANY_PORT) as local:
         options = LoopOptions(held_out=traced["options"].held_out, scheduler=local.scheduler_address)
         assert comparable(trace(traced["runs"], dut(), options)) == traced["here"]

@@ -1,0 +1,77 @@
+"""Effects of about the size of the noise, on campaigns in which something else imitates them."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rig.loop.campaign import LoopOptions
+from rig.loop.result import LoopResult
+from rig.loop.trace import trace
+from tests.challenge.cases import LEAN
+from tests.challenge.outside import acting
+from tests.independent.campaign import STANDARD, Campaign, Plan
+from tests.independent.instruments import Instruments, NoiseKind
+from tests.independent.terms import Effects, Line, term
+from tests.rig.loop.runs import dut, runs_of
+
+
+def traced(effects: Effects, plan: Plan, seed: int, noise: NoiseKind = NoiseKind.WHITE) -> LoopResult:
+    runs, held_out = runs_of(
+        Campaign(seed, effects=effects, instruments=Instruments(noise=noise), plan=plan, rate=100.0)
+    )
+    return trace(runs, dut(), LoopOptions(held_out=held_out))
+
+
+def test_a_small_modulation_of_the_stiffness_is_named_although_few_start_angles_alias_it() -> None:
+    # positive and negative over a sweep: the plain sum of its residual over the angle is nothing
+    hidden = Effects(others=(term("stiffness-modulation", amplitude=9e-7, order=1.0, phase=2.0),))
+    result = traced(hidden, LEAN, 41)
+    assert result.effects == ("stiffness-modulation",)
+    order = result.steps[0].parameters["order"]
+    assert order.ci95 is not None
+    assert order.ci95[0] < 1.0 < order.ci95[1]
+
+
+@pytest.mark.timeout(300)
+def test_a_transducer_that_drifts_is_named_under_coloured_noise_though_a_free_run_takes_only_its_mean() -> None:
+    hidden = Effects(others=(term("torque-sensor-drift", per_kelvin=4e-3, per_second=-1.2e-5, reference=25.0),))
+    result = traced(hidden, STANDARD, 42, NoiseKind.AR1)
+    assert result.effects == ("torque-sensor-drift",)
+    for name, value in {"per_kelvin": 4e-3, "per_second": -1.2e-5}.items():
+        interval = result.steps[0].parameters[name].ci95
+        assert interval is not None
+        half_width = 0.5 * (interval[1] - interval[0])
+        assert abs(result.steps[0].parameters[name].value - value) < 2.0 * half_width
+
+
+def test_torques_that_disagree_by_a_fifth_of_a_per_cent_come_out_as_the_set_of_what_may_be_wrong() -> None:
+    result = traced(Effects(others=(term("torque-sensor-gain", amplitude=2.1e-3),)), STANDARD, 43)
+    assert result.effects == ("ambiguous:torque-constant-error|torque-sensor-gain",)
+
+
+def test_an_offset_that_shows_in_the_torsion_is_not_confused_with_a_kinematic_error_that_shows_elsewhere() -> None:
+    # the counts of the encoders beat with the samples of the free runs: a strong line of its own, of another equation
+    hidden = Effects(others=(term("current-sensor-offset", amplitude=4.9e-3, torque_constant=0.321),))
+    result = traced(hidden, LEAN, 44)
+    assert result.effects == ("current-sensor-offset",)
+
+
+def test_a_small_cogging_line_is_found_alone_without_its_side_lobes() -> None:
+    line = traced(Effects(cogging=(Line(84.0, 1e-4, 1.7),)), STANDARD, 45, NoiseKind.STUDENT_T)
+    assert line.effects == ("cogging",)
+    (found,) = line.steps[0].lines
+    assert found.order == pytest.approx(84.0, abs=1e-3)
+    assert math.isclose(found.amplitude, 1e-4, rel_tol=0.2)
+    assert np.isclose(found.phase, 1.7, atol=0.2)
+
+
+def test_an_angle_that_does_not_act_back_on_the_motor_is_no_kinematic_error() -> None:
+    # energy: what lifts a load by an angle error is felt at the motor as T de/dtheta; a reading that errs is not
+    hidden = acting("odd order with harmonics", 5e-6, {"order": 2.3, "phase": 0.4})
+    campaign = Campaign(46, instruments=Instruments(largest_turn=0), plan=LEAN, rate=100.0, further=hidden)
+    runs, held_out = runs_of(campaign)
+    result = trace(runs, dut(), LoopOptions(held_out=held_out))
+    assert result.effects == ("unnamed:motor_position:periodic",)
+    orders = sorted(line.order for line in result.steps[0].lines)
+    assert orders == pytest.approx([2.3, 4.6, 6.9], abs=1e-3)
