@@ -279,7 +279,7 @@ def _selected(
         found = select(fewer, slow, alpha, known, on_stage)
         if len(found.decisions) > len(whole.decisions):
             return slow, found, fastest
-    return (base, whole, math.inf) if found is whole else (_fit_base(every, start), whole, math.inf)
+    return base, whole, math.inf
 
 
 def _followed(selection: Selection) -> float | None:

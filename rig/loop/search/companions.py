@@ -5,17 +5,18 @@ does not pay when runs are left out, and what else is there shows only once it i
 """
 
 from rig.loop.fitting.fit import Fit
-from rig.loop.model.terms import Entry, TermClass
+from rig.loop.model.terms import TermClass
 from rig.loop.search.line_candidates import LineCandidate, gains_at
-from rig.loop.search.lines import LEAST_CYCLES, Times, refine, scan
+from rig.loop.search.lines import LEAST_CYCLES, refine, scan
 from rig.loop.search.proposals import Proposal, tops
 from rig.loop.search.trial import Ground, prepare, try_line
 
-AGAINST_MOTION = frozenset({Entry.MOTOR_AGAINST_MOTION, Entry.OUTPUT_AGAINST_MOTION})
-
 
 def next_line(with_first: Fit, kind: TermClass) -> LineCandidate | None:
-    """Give the best further line of a class in what a fit leaves that has the first already; None if there is none."""
+    """Give the best further line of a class in what a fit leaves that has the first already; None if there is none.
+
+    None of a class that is multiplied by something, or has one order.
+    """
     if kind.fixed_order is not None or kind.entry.is_product:
         return None
     ground = prepare(with_first)
@@ -33,9 +34,8 @@ def _proposed(ground: Ground, kind: TermClass) -> tuple[list[Proposal], float]:
     """Give the strongest orders of the pieces in which the class shows first, and among how many tests."""
     found: list[Proposal] = []
     tests = 0.0
-    times = Times.DIRECTION if kind.entry in AGAINST_MOTION else Times.NOTHING
     for piece_kind in dict.fromkeys(item.kind for item in ground.fit.about):
-        spectrum = scan(ground.fit, piece_kind, kind.variable, times=times) if piece_kind[0] is kind.equation else None
+        spectrum = scan(ground.fit, piece_kind, kind.variable) if piece_kind[0] is kind.equation else None
         if spectrum is not None:
             tests += spectrum.tests
             low, high = kind.orders

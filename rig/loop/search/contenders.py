@@ -41,14 +41,14 @@ def by_joint_fit(few: Held[Piece], ground: Ground, trials: Sequence[ShapeTrial],
     if len(close) < 2:
         return list(trials)
     before = fit(few, ground.fit.model, ground.fit.noise, passes=PASSES, block=ground.fit.block)
-    explained = [_explained(before, _with(few, ground.fit, item)) for item in close]
-    best = max(explained)
+    gained = [explained_by(before, _with(few, ground.fit, item)) for item in close]
+    best = max(gained)
     if best <= 0.0:
         return list(trials)
     largest = max(item.trial.gain for item in close)
     compared = [
         replace(item, trial=replace(item.trial, gain=largest * max(share, 0.0) / best))
-        for item, share in zip(close, explained, strict=True)
+        for item, share in zip(close, gained, strict=True)
     ]
     rest = [item for item in trials if all(item is not other for other in close)]
     return sorted([*compared, *rest], key=lambda item: -item.trial.gain)
@@ -63,8 +63,11 @@ def _with(pieces: Held[Piece], ground: Fit, item: ShapeTrial) -> Fit:
     return state
 
 
-def _explained(before: Fit, after: Fit) -> float:
-    """Give the sum of weighted squares times the logarithm of the ratio of squares, over the kinds of piece."""
+def explained_by(before: Fit, after: Fit) -> float:
+    """Give how much less a fit leaves than another, below 0 where it leaves more.
+
+    The sum of weighted squares times the logarithm of the ratio of squares, over the kinds of piece.
+    """
     total = 0.0
     was, now = noise_of(before.about, before.linear), noise_of(after.about, after.linear)
     for kind, noise in was.items():
@@ -73,9 +76,3 @@ def _explained(before: Fit, after: Fit) -> float:
         )
         total += 2.0 * squares * math.log(noise.sigma / now[kind].sigma)
     return total
-
-
-def log_squares(state: Fit) -> float:
-    """Give what is left of all kinds of piece: the sum over samples of the logarithm of the rms of their kind."""
-    noise = noise_of(state.about, state.linear)
-    return sum(known.samples * math.log(noise[known.kind].sigma) for known in state.about if known.kind in noise)

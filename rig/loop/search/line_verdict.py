@@ -72,31 +72,46 @@ def judge_line(
     if pick is None:
         return candidate.unadded(candidate.p_value, "another shape explains more") if significant else None
     decision, chosen = pick
-    first: Fit | None = None
-    lines = [chosen]
-    while True:
+    return _judged_jointly(pieces, ground, candidate, decision, chosen, unpaid, alpha)
+
+
+def _judged_jointly(
+    pieces: Material,
+    ground: Ground,
+    candidate: LineCandidate,
+    decision: Decision,
+    chosen: LineCandidate,
+    unpaid: str,
+    alpha: float,
+) -> Accepted | Unadded | None:
+    """Judge a line by joint fits, alone and then beside further lines of its sort; `unpaid`: why it does not pay yet.
+
+    Most fail in a quick fit already, at a small part of the time that a whole one takes.
+    """
+    lines, alone = [chosen], None
+    for _ in range(1 + MOST_COMPANIONS):
         model = replace(ground.fit.model, lines=(*ground.fit.model.lines, *(one.line for one in lines)))
-        # most candidates fail here already, at a small part of the time that a whole fit takes
         quick = fit(pieces.all, model, ground.fit.noise, passes=QUICK, block=ground.fit.block)
-        p_value, why = candidate.p_value, _joint_objection(ground, quick, unpaid, proposal.resolution, len(lines))
+        alone = alone or quick
+        p_value, why = candidate.p_value, _joint_objection(ground, quick, unpaid, chosen.proposal.resolution, lines)
         if not why:
             joint = refit(pieces, ground.fit, model)
             p_value = _second_look(ground, joint, candidate)
             if p_value > alpha:
                 return None
-            why = _joint_objection(ground, joint, unpaid, proposal.resolution, len(lines))
+            why = _joint_objection(ground, joint, unpaid, chosen.proposal.resolution, lines)
             if not why:
                 return Accepted(replace(decision, p_value=p_value), joint)
-        first = first or quick
-        more = None if why == CROWDED or not significant else _companion(ground, quick, lines, alpha)
+        hopeless = why == CROWDED or candidate.p_value > alpha or len(lines) > MOST_COMPANIONS
+        more = None if hopeless else _companion(ground, quick, lines, alpha)
         if more is None:
             break
         lines.append(more)
     if p_value > alpha:
         return None
     followed = None
-    if why == NOT_EVERYWHERE and not proposal.kind.is_angle:
-        followed = followed_up_to(first, len(ground.fit.model.lines))
+    if alone is not None and why == NOT_EVERYWHERE and not chosen.proposal.kind.is_angle:
+        followed = followed_up_to(alone, len(ground.fit.model.lines))
     return replace(candidate.unadded(p_value, why), followed=followed)
 
 
@@ -120,8 +135,6 @@ def _companion(ground: Ground, with_lines: Fit, lines: Sequence[LineCandidate], 
 
     None that may be chance at the false-alarm rate `alpha`, is small beside the first, or is one that is there already.
     """
-    if len(lines) > MOST_COMPANIONS:
-        return None
     found, ratio = next_line(with_lines, lines[0].proposal.kind), ground.fit.model.ratio or 1.0
     if found is None or found.p_value > alpha or found.trial.gain < COMPANION_SHARE * lines[0].trial.gain:
         return None
@@ -140,11 +153,11 @@ def _second_look(ground: Ground, joint: Fit, candidate: LineCandidate) -> float:
     return min(1.0, 2.0 * min(candidate.p_value, again.single_p * candidate.tests))
 
 
-def _joint_objection(ground: Ground, joint: Fit, unpaid: str, resolution: float, count: int) -> str:
-    """Say why the last `count` lines of a joint refit are not added; empty if they are."""
+def _joint_objection(ground: Ground, joint: Fit, unpaid: str, resolution: float, lines: Sequence[LineCandidate]) -> str:
+    """Say why `lines`, the last of a joint fit, are not added; empty if they are."""
     if unpaid and not pays_jointly(ground.fit, joint):
         return unpaid
-    places = range(len(joint.model.lines) - count, len(joint.model.lines))
+    places = range(len(joint.model.lines) - len(lines), len(joint.model.lines))
     if not all(consistent(joint, place) for place in places):
         return NOT_EVERYWHERE
     crowded = any(_crowded(joint, place, resolution) for place in places)

@@ -62,10 +62,10 @@ def propose(ground: Ground, known: Mapping[str, float]) -> tuple[list[Proposal],
     effects = periodic_effects()
     counts = known.get("output_encoder_counts")
     for kind in dict.fromkeys(item.kind for item in known_pieces):
-        equation = kind[0]
+        equation, _, moves = kind
         has_motor = any(ground.fit.linear.map(_has_motor, kind))
         variable = "motor_position" if has_motor else "output_position"
-        if equation is Equation.TORSION and has_motor and not kind[2]:
+        if equation is Equation.TORSION and has_motor and not moves:
             swept = scan(ground.fit, kind, variable, times=Times.TORQUE)
             if swept is not None:
                 modulations = _up_to(swept, MOST_MODULATIONS)
@@ -82,9 +82,8 @@ def propose(ground: Ground, known: Mapping[str, float]) -> tuple[list[Proposal],
                 highest += _low_orders(ground, effects, spectrum.resolution)
             for peak in highest:
                 classes = _classes(equation, variable, peak.order, spectrum.resolution, ratio, effects, against=against)
-                if not kind[
-                    2
-                ]:  # in a sweep the angle follows the torque: without its reaction a line is any compliance
+                if not moves:
+                    # in a sweep the angle follows the torque: a line that does not act back is any compliance
                     classes = [proposal for proposal in classes if not is_nameless_angle(proposal.kind)]
                 if equation is Equation.TORSION and variable == "motor_position" and ratio is not None:
                     classes += _subdivisions(peak.order * ratio, spectrum.resolution * ratio, counts, effects)

@@ -25,7 +25,7 @@ from rig.loop.search.acceptance import (
 )
 from rig.loop.search.aliases import counts_pass
 from rig.loop.search.compliance_form import other_compliance
-from rig.loop.search.contenders import log_squares
+from rig.loop.search.contenders import explained_by
 from rig.loop.search.decision import Accepted, Decision, Unadded
 from rig.loop.search.groups import LEAST_SLOPE, NESTED, QUOTIENT, SET_SHARE
 from rig.loop.search.line_candidates import LineCandidate, best_of_classes
@@ -162,7 +162,7 @@ def _best_member(
     for rival in rivals:
         model = replace(ground.fit.model, shapes=(*ground.fit.model.shapes, rival))
         like = refit(pieces, ground.fit, model)
-        if log_squares(like) < log_squares(best):
+        if explained_by(best, like) > 0.0:
             kind, best = rival.kind, like
     return kind, best
 
