@@ -29,6 +29,10 @@ Floats = NDArray[np.float64]
 SWEPT_TORQUE = "swept_torque"
 """Name of the polyline that the output torque follows, beside the signals of the contract; several values a sample."""
 
+UNDOING, BEYOND = 2, 10.0
+"""Iterations after which the torque is known that a late reading shows, and times by which it is late for which the
+last slope goes on beyond the record: what the torque was at the end is read when the record is over."""
+
 DIFFERENCE = 1e-4
 """Relative step of a parameter over which a derivative is taken."""
 
@@ -121,6 +125,12 @@ class ShapeTerm:
         """Whether it swings by itself where the output torque has a corner."""
         return bool(self.frequencies) and self.effect.signals == ("output_torque",)
 
+    @property
+    def is_late(self) -> bool:
+        """Whether it makes the output torque's reading late, which shows where the torque turns."""
+        free = [self.effect.parameters[k] for k in self.free]
+        return self.effect.reads == "output_torque" and all(p.unit == "s" for p in free)
+
     def value(self, name: str) -> float:
         """Give one parameter."""
         return self.values[[p.name for p in self.effect.parameters].index(name)]
@@ -181,20 +191,42 @@ def addition(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> Flo
     if isinstance(term.effect, Curve):
         fitted = np.array([term.values[k] for k in term.free])
         return np.asarray(basis(term.effect, term.values[: term.effect.knots], signals, step) @ fitted)
-    return _ringing(term, signals, step) if term.rings else evaluate(term.effect, signals, term.values, step=step)
+    if term.rings:  # noise would set it ringing too
+        return _swept(term.effect, term.values, signals, step) if SWEPT_TORQUE in signals else None
+    if term.is_late and SWEPT_TORQUE in signals:
+        return _late(term.effect, term.values, signals, step)
+    return evaluate(term.effect, signals, term.values, step=step)
 
 
-def _ringing(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> Floats | None:
-    """Give the addition of what the corners of the output torque set ringing; None where it has none that are known.
-
-    Noise would set it ringing too, and samples averaged before would bend where the torque has a corner.
-    """
-    if SWEPT_TORQUE not in signals or isinstance(term.effect, Curve):
-        return None
+def _swept(effect: Effect, values: Sequence[float], signals: Mapping[str, Floats], step: float) -> Floats:
+    """Give what the swept torque sets ringing: samples averaged before would bend where the torque has a corner."""
     fast = signals[SWEPT_TORQUE]
     fine = fast.size // signals["output_torque"].size
-    added = evaluate(term.effect, {"output_torque": fast}, term.values, step=step / fine)
-    return np.asarray(added.reshape(-1, fine).mean(axis=1))
+    return _means(evaluate(effect, {"output_torque": fast}, values, step=step / fine), fine)
+
+
+def _late(effect: Effect, values: Sequence[float], signals: Mapping[str, Floats], step: float) -> Floats:
+    """Give what has been added to the swept torque, a reading that came late: it less the torque that makes it.
+
+    That is first as much early, what undoes a delay, and then what the effect turns into the reading (Van Cittert's
+    iteration): a corner that a lag has rounded stays wrong by a seventh of what was added, in the mean by nothing.
+    """
+    reading = signals[SWEPT_TORQUE]
+    count, fine = reading.size, reading.size // signals["output_torque"].size
+    beyond = np.arange(1, 2 + math.ceil(BEYOND * max(values) * fine / step))
+    reading = np.concatenate([reading, reading[-1] + beyond * (reading[-1] - reading[-2])])
+
+    def added(torque: Floats) -> Floats:
+        return evaluate(effect, {"output_torque": torque}, values, step=step / fine)
+
+    torque = reading + added(reading[::-1])[::-1]
+    for _ in range(UNDOING):
+        torque = reading - added(torque)
+    return _means((reading - torque)[:count], fine)
+
+
+def _means(values: Floats, fine: int) -> Floats:
+    return np.asarray(values.reshape(-1, fine).mean(axis=1))
 
 
 def derivatives(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> list[Floats] | None:

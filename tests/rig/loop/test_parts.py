@@ -12,7 +12,7 @@ from rig.loop.fitting.normal import correlation_length, solve
 from rig.loop.model.equations import Equation, distinct_readings, pieces_of
 from rig.loop.model.parameters import flexspline_from_catalogue
 from rig.loop.model.prediction import predict
-from rig.loop.model.shapes import ShapeTerm
+from rig.loop.model.shapes import SWEPT_TORQUE, ShapeTerm, addition
 from rig.loop.model.terms import Line, line_values, periodic_effects
 from rig.loop.signals.play import play_path
 from rig.loop.signals.tracks import make_track
@@ -44,6 +44,27 @@ def test_a_thinned_play_keeps_the_peaks_that_its_input_had_in_between() -> None:
     # sample by sample: 0 0 1 | 2 4 4 | 3.5 3.4 3.3
     assert path.output == pytest.approx([1 / 3, 10 / 3, 3.4])
     assert path.slip.tolist() == [0, 1, 2]
+
+
+def swept_torque_and_lag(time, lag):
+    """Give a torque that rises at 4 N*m/s from 1 s to 2 s and rests, and its first-order lag in closed form."""
+    up, down = np.maximum(time - 1.0, 0.0), np.maximum(time - 2.0, 0.0)
+    behind = [after - lag * (1.0 - np.exp(-after / lag)) for after in (up, down)]
+    return 4.0 * (up - down), 4.0 * (behind[0] - behind[1])
+
+
+@pytest.mark.parametrize("fine", [1, 20])
+def test_a_late_torque_is_set_right_at_its_corners_too(fine) -> None:
+    time, late = np.arange(3000) * 1e-3, 0.02
+    truth, lagged = swept_torque_and_lag(time, late)
+    delayed, _ = swept_torque_and_lag(time - late, late)
+    for effect, reading, within in (("channel-delay", delayed, 1e-9), ("torque-sensor-lag", lagged, 0.15)):
+        wrong = (reading - truth).reshape(-1, fine).mean(axis=1)
+        signals = {"output_torque": reading.reshape(-1, fine).mean(axis=1), SWEPT_TORQUE: reading}
+        found = addition(ShapeTerm(CATALOGUE[effect], (late,)), signals, 1e-3 * fine)
+        assert found == pytest.approx(wrong, abs=within * 4.0 * late), effect
+        assert found.sum() == pytest.approx(wrong.sum(), rel=1e-9), effect
+        assert np.abs(wrong).max() == pytest.approx(4.0 * late, rel=0.1)
 
 
 @pytest.mark.parametrize("kind", periodic_effects(), ids=lambda kind: kind.id)
