@@ -2,9 +2,9 @@
 
     covariance = A^-1 (blocks of time + catalogue + what the angles are unsure by) A^-1
 
-Blocks of time are independent, samples inside need not be. What is wrong in the same way throughout a run or a leg (the
-zero of an encoder, a ripple below one count) shows in no block and is added; what differs between conditions more than
-blocks tell widens the rest.
+Blocks of time are independent, samples inside need not be; where a play acts, its legs are. What is wrong in the same
+way throughout a run or a leg (the zero of an encoder, a ripple below one count) shows in no block and is added; what
+differs between conditions more than blocks tell widens the rest.
 """
 
 import math
@@ -31,11 +31,9 @@ INFORMS = 0.05
 def covariance(state: Fit) -> Floats:
     """Sandwich covariance (p, p) of the estimates: blocks of time are independent, samples inside need not be."""
     A = state.normal.A.sum(axis=0) + np.diag(state.prior)
-    count = state.block_count
-    scores = np.zeros((count, A.shape[0]))
     inverse = solve(A, np.eye(A.shape[0]))
-    for numbers, sums in zip(state.blocks, state.linear.map(block_scores), strict=True):
-        np.add.at(scores, numbers, sums)
+    scores = _independent_scores(state)
+    count = len(scores)
     middle = scores.T @ scores
     freedom = max(count - A.shape[0], 1)
     # the catalogue's scatter is part of what is not known
@@ -43,6 +41,31 @@ def covariance(state: Fit) -> Floats:
     found = inverse @ middle @ inverse
     widening = _between_conditions(state, inverse, np.diag(found))
     return np.asarray(found * np.outer(widening, widening))
+
+
+def _independent_scores(state: Fit) -> Floats:
+    """Give the scores (b, p) summed over what is independent: blocks of time, and of a play its legs.
+
+    By what noise moved the input of a play at a reversal, the whole leg behind it is wrong.
+    """
+    numbers, sums, count = [], [], state.block_count
+    for blocks, (scores, legs) in zip(state.blocks, state.linear.map(_scores_and_legs), strict=True):
+        numbers.append(blocks if legs is None else count + legs)
+        count += 0 if legs is None else int(legs.max()) + 1
+        sums.append(scores)
+    found, place = np.unique(np.concatenate(numbers), return_inverse=True)
+    summed = np.zeros((found.size, state.columns.size))
+    np.add.at(summed, place, np.concatenate(sums))
+    return summed
+
+
+def _scores_and_legs(item: LinearPiece) -> tuple[Floats, NDArray[np.intp] | None]:
+    """Give the scores of a piece's blocks and, where a play acts, on which leg between two reversals each begins."""
+    play = item.evaluation.play
+    if play is None:
+        return block_scores(item), None
+    turns = np.diff(np.sign(play.side[item.piece.index])) != 0.0
+    return block_scores(item), np.concatenate([[0], np.cumsum(turns)])[item.starts]
 
 
 def _unsure_ripple(state: Fit) -> Floats:

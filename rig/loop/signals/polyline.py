@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from rig.loop.signals.noise import MEMORIES, left_in_mean, noise_and_memory
 from rig.loop.signals.smoothing import corners_kept
@@ -23,6 +24,10 @@ a further knot; of a noise that remembers, of a sample, because smoothing leaves
 
 BENT = 6.0
 """Standard deviations that the slope must change by at a knot, or it is none."""
+
+LEVEL, FLAT = 3.0, 0.1
+"""Standard deviations that a piece must rise or fall by, or it is level, where they are less than this share of what
+the steeper piece beside it would rise in the same time."""
 
 MOST_KNOTS = 200
 
@@ -89,6 +94,7 @@ def polyline(values: Floats, side: int, period: float) -> Floats | None:
         found = _found(values, smoothed, side, tolerance, noise, memory, SPARE * most)
         if found is None:
             return None
+        found = _levelled(values, found, _variance(noise, memory))
         line, few = found.at(values.size), found.knots.size <= most
         curved = memory > 0.0 and _longest_arc(found) > LONGEST_ARC
         rest = values - line
@@ -132,6 +138,11 @@ def _is_noise(rest: Floats, noise: Floats, memory: float, block: int) -> bool:
     return bool(np.sqrt(np.mean(sizes**2)) <= most_typical and sizes.max() <= WORST)
 
 
+def _variance(noise: Floats, memory: float) -> Floats:
+    """Give the variance (n,) that each sample would have if they were independent: that of the mean of many says it."""
+    return noise * (1.0 + memory) / (1.0 - memory)
+
+
 def _split(smoothed: Floats, tolerance: Floats) -> Floats:
     """Split the record where a straight line misses it most, until none misses it by more than `tolerance` (n,)."""
     found, open_ = {0, smoothed.size - 1}, [(0, smoothed.size - 1)]
@@ -150,8 +161,7 @@ def _split(smoothed: Floats, tolerance: Floats) -> Floats:
 
 def _pruned(values: Floats, knots: Floats, noise: Floats, memory: float) -> Polyline:
     """Place the knots; take out those at which the line does not bend, and one of two that share a corner."""
-    # of a noise that remembers, the mean of many samples varies as if each varied this much more
-    variance = noise * (1.0 + memory) / (1.0 - memory)
+    variance = _variance(noise, memory)
     for _ in range(PRUNINGS):
         found = _placed(values, knots)
         bends = _bends(found, variance)
@@ -196,10 +206,7 @@ def _placed(values: Floats, knots: Floats) -> Polyline:
         line = _fitted(values, knots)
         if knots.size < 3:
             return line
-        moves = _moves(values, line)
-        gaps = np.diff(knots)
-        knots = knots.copy()
-        knots[1:-1] += np.clip(moves, -0.3 * gaps[:-1], 0.3 * gaps[1:])
+        knots = _moved(values, line, np.eye(knots.size))
     return _fitted(values, _apart(knots))
 
 
@@ -212,19 +219,41 @@ def _apart(knots: Floats) -> Floats:
     return np.array([*kept, float(knots[-1])])
 
 
-def _fitted(values: Floats, knots: Floats) -> Polyline:
-    """Fit the heights of the knots."""
+def _fitted(values: Floats, knots: Floats, shared: Floats | None = None) -> Polyline:
+    """Fit the heights of the knots; `shared` (k, h): which of h heights each knot has, None: its own."""
     squares, products = _sums(values, knots)
     matrix, vector = np.zeros((knots.size, knots.size)), np.zeros(knots.size)
     _gather(matrix, squares, 0, 0)
     np.add.at(vector, _ends(knots.size), products)
-    return Polyline(knots, _solved(matrix, vector))
+    if shared is None:
+        return Polyline(knots, _solved(matrix, vector))
+    return Polyline(knots, shared @ _solved(shared.T @ matrix @ shared, shared.T @ vector))
 
 
-def _moves(values: Floats, line: Polyline) -> Floats:
-    """Give by how many samples the inner knots (k - 2,) must move, the heights being free."""
+def _levelled(values: Floats, line: Polyline, variance: Floats) -> Polyline:
+    """Make level what does not rise: of a hold that is a little higher at one end a play would take the higher one."""
+    gaps, rises = np.diff(line.knots), np.abs(np.diff(line.heights))
+    least = LEVEL * np.sqrt(12.0 * _typical(line, variance) / gaps)
+    steeper = maximum_filter1d(rises / gaps, 3, mode="constant") * gaps
+    level = (rises < least) & (least < FLAT * steeper)
+    if not level.any():
+        return line
+    number = np.concatenate([[0], np.cumsum(~level)])
+    shared = (number[:, None] == np.arange(number[-1] + 1)).astype(float)
+    line = _fitted(values, line.knots, shared)
+    for _ in range(PASSES):
+        knots = _moved(values, line, shared)
+        if np.diff(knots).min() < LEAST_GAP:
+            break
+        line = _fitted(values, knots, shared)
+    return line
+
+
+def _moved(values: Floats, line: Polyline, shared: Floats) -> Floats:
+    """Give the knots (k,) moved to where they serve better, the heights that they share (k, h) being free."""
     squares, products = _sums(values, line.knots)
-    count, slopes = line.knots.size, -np.diff(line.heights) / np.diff(line.knots)
+    (count, heights), gaps = shared.shape, np.diff(line.knots)
+    slopes = -np.diff(line.heights) / gaps
     matrix, vector = np.zeros((2 * count, 2 * count)), np.zeros(2 * count)
     ends, turned = _ends(count), slopes[:, None, None]
     for row, column, blocks in (
@@ -236,8 +265,12 @@ def _moves(values: Floats, line: Polyline) -> Floats:
         _gather(matrix, blocks, row, column)
     np.add.at(vector, ends, products)
     np.add.at(vector, ends + count, slopes[:, None] * products)
-    free = np.delete(np.arange(2 * count), [count, 2 * count - 1])
-    return _solved(matrix[np.ix_(free, free)], vector[free])[count:]
+    free = np.zeros((2 * count, heights + count - 2))  # the ends stay
+    free[:count, :heights], free[count + 1 : -1, heights:] = shared, np.eye(count - 2)
+    moves = _solved(free.T @ matrix @ free, free.T @ vector)[heights:]
+    knots = line.knots.copy()
+    knots[1:-1] += np.clip(moves, -0.3 * gaps[:-1], 0.3 * gaps[1:])
+    return knots
 
 
 def _ends(count: int) -> NDArray[np.intp]:
@@ -280,11 +313,9 @@ def _solved(matrix: Floats, vector: Floats) -> Floats:
 def _bends(line: Polyline, variance: Floats) -> Floats:
     """Give the change of slope at every inner knot in standard deviations, (k - 2,), for a noise of `variance` (n,)."""
     count, rates = line.knots.size, 1.0 / np.diff(line.knots)
-    squares, products = _sums(variance, line.knots)
-    # mean variance of a piece: the two hats add up to one
-    typical = products.sum(axis=1) / squares.sum(axis=(1, 2))
+    squares, _ = _sums(variance, line.knots)
     information = np.zeros((count, count))
-    _gather(information, squares / typical[:, None, None], 0, 0)
+    _gather(information, squares / _typical(line, variance)[:, None, None], 0, 0)
     covariance = np.linalg.inv(information + RIDGE * np.diag(np.diag(information)))
     inner = np.arange(1, count - 1)
     change = np.zeros((inner.size, count))
@@ -293,3 +324,10 @@ def _bends(line: Polyline, variance: Floats) -> Floats:
     change[inner - 1, inner] = -rates[:-1] - rates[1:]
     deviations = np.sqrt(np.einsum("ij,jk,ik->i", change, covariance, change))
     return np.asarray(np.abs(change @ line.heights) / deviations)
+
+
+def _typical(line: Polyline, variance: Floats) -> Floats:
+    """Give the mean of a `variance` (n,) over every piece, (k - 1,)."""
+    squares, products = _sums(variance, line.knots)
+    # the two hats add up to one
+    return np.asarray(products.sum(axis=1) / squares.sum(axis=(1, 2)))

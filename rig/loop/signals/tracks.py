@@ -19,6 +19,7 @@ from rig.config.dut import Dut, Rotation
 from rig.log.run import SWEEPS, ProcedureName, Run
 from rig.loop.signals.living import ANGLES, TORQUES
 from rig.loop.signals.missing import between, filled, in_long_gaps, known_between, read_together, unheld
+from rig.loop.signals.outliers import outliers_drawn_in
 from rig.loop.signals.polyline import polyline
 from rig.loop.signals.ripple import Ripple, speed_ripple
 from rig.loop.signals.saturation import at_limit, cut_off, doubtful_after
@@ -175,7 +176,8 @@ def make_track(run: Run, dut: Dut) -> Track:
         output_torque, motor_torque = _alive(output_torque), _alive(motor_torque)
     turning = run.procedure in (ProcedureName.FREE_RUN, ProcedureName.BACKDRIVE)
     held = not turning and float(np.median(np.abs(speed))) < HELD_SPEED and motor_position is not None
-    load_line, drive_line = _line(output_torque, period), None if moves else _line(motor_torque, period)
+    load, drive = _calm(output_torque, period), None if moves else _calm(motor_torque, period)
+    load_line, drive_line = _line(load, period), _line(drive, period)
     return Track(
         name=run.name,
         procedure=run.procedure,
@@ -186,12 +188,10 @@ def make_track(run: Run, dut: Dut) -> Track:
         fine=1,
         motor_position=motor_position,
         output_position=output_position,
-        T=_over_turns(output_torque, leg_speed, period)
-        if moves
-        else _clean(output_torque, load_line, SPRING_SIDE, period),
-        M=motor_torque if moves else _clean(motor_torque, drive_line, SPRING_SIDE, period),
-        play_load=None if moves else _clean(output_torque, load_line, PLAY_SIDE, period),
-        play_drive=None if moves else _clean(motor_torque, drive_line, PLAY_SIDE, period),
+        T=_over_turns(output_torque, leg_speed, period) if moves else _clean(load, load_line, SPRING_SIDE, period),
+        M=motor_torque if moves else _clean(drive, drive_line, SPRING_SIDE, period),
+        play_load=None if moves else _clean(load, load_line, PLAY_SIDE, period),
+        play_drive=None if moves else _clean(drive, drive_line, PLAY_SIDE, period),
         swept_torque=load_line,
         output_torque=output_torque,
         motor_torque=motor_torque,
@@ -301,6 +301,11 @@ def _ripple(run: Run, position: Floats | None, torque: Floats | None, leg_speed:
     if run.procedure is not ProcedureName.FREE_RUN or position is None or torque is None:
         return None
     return speed_ripple(run.time, position, torque, leg_speed)
+
+
+def _calm(values: Floats | None, period: float) -> Floats | None:
+    """Give a torque (n,) without samples that stand far out of its noise."""
+    return None if values is None else outliers_drawn_in(values, period)
 
 
 def _line(values: Floats | None, period: float) -> Floats | None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from rig.loop.signals.outliers import outliers_drawn_in
 from rig.loop.signals.polyline import polyline
 from rig.loop.signals.smoothing import smooth
 
@@ -85,6 +86,41 @@ def test_a_sweep_with_holds_in_a_noise_that_remembers_is_a_polyline(seed):
     line = polyline(torque + coloured(time.size, seed), 10, 0.01)
     assert line is not None
     assert np.std(line - torque) < NOISE
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_hold_is_level_although_its_noise_is_not(seed):
+    """A play keeps the higher end: of two ends that differ by chance that is on average too much."""
+    line = found(triangle(np.arange(0.0, 28.0, 0.01)), 0.01, seed)
+    assert line is not None
+    assert line[910:1590] == pytest.approx(line[1200], abs=1e-12)
+    # 700 samples of the hold, and the corners at its ends
+    assert line[1200] == pytest.approx(12.0, abs=3.5 * NOISE / math.sqrt(700.0))
+
+
+def test_a_slow_rise_between_steep_ones_is_not_made_level():
+    time = np.arange(0.0, 28.0, 0.01)
+    torque = np.interp(time, [0.0, 5.0, 9.0, 16.0, 24.0, 28.0], [0.0, 0.0, 12.0, 12.02, -12.0, 0.0])
+    line = found(torque, 0.01, 0)
+    assert line is not None
+    assert line[1590] - line[910] == pytest.approx(0.02, abs=3.0 * NOISE * math.sqrt(12.0 / 700.0))
+    assert line[1590] - line[910] > 0.01
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_heavy_tails_are_drawn_in_and_what_lasts_stays(seed):
+    time = np.arange(0.0, 60.0, 0.01)
+    torque = np.interp(time, [0, 5, 10, 35, 45, 60], [0, 0, 14, 14, -14, 0])
+    tails = np.random.default_rng(seed).standard_t(3, time.size) / math.sqrt(3.0)
+    noisy = torque + NOISE * tails
+    calm = outliers_drawn_in(noisy, 0.01)
+    assert np.abs(noisy - torque).max() > 10.0 * NOISE > 9.0 * NOISE > np.abs(calm - torque).max()
+    assert np.mean(calm != noisy) < 0.03
+    line = polyline(calm, 10, 0.01)
+    assert line is not None
+    assert np.std(line - torque) < 0.1 * NOISE
+    pulse = np.where(np.abs(time - 30.0) < 0.015, 1.0, 0.0)  # of three samples
+    assert (outliers_drawn_in(noisy + pulse, 0.01) - calm)[2998:3003].max() > 0.9
 
 
 def test_a_torque_without_noise_has_none_to_lose():
