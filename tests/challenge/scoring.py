@@ -50,8 +50,8 @@ def score(case: Case, hidden: Hidden, oracle: Oracle, answer: Answer) -> dict[st
     if "error" in answer:
         return {"naming": FAILED, "found": [], "parameters": [], "error": answer["error"]}
     naming, found = naming_of(expected, answer)
-    # The simulated bench's friction acts in another place than the fit's, and not all of it is in its device file. Beside
-    # a curve over the torque the base's stiffness is no quantity of its own.
+    # The simulated bench's friction acts in another place than the fit's, and not all of it is in its device file.
+    # Beside a curve over the torque the base's stiffness is no quantity of its own.
     base = case.family != "bench" and case.outside is None
     parameters = parameters_of(case.drive, hidden.effects, answer, naming, base=base)
     return {
