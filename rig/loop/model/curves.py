@@ -3,8 +3,8 @@
 A curve adds the sum of value_j * basis_j(signals) to an angle, a balance or the level of friction. The basis depends on
 its form and on the knots `at` (values of the variable, radii of a play, or time constants):
 
-    curve   straight lines between (at_j, value_j), held constant beyond the outer knots; 0 at the knot nearest to zero;
-            perhaps times a further signal
+    curve   straight lines between (at_j, value_j), held constant beyond the outer knots; 0 at the knot nearest to zero
+            where the variable changes sign; perhaps times a further signal
     rate    value_1 d + value_2 |d|, d: derivative of the variable
     play    sum of value_j * (play of the variable with radius at_j): Maxwell slip without friction levels
     peak    (value_1 + value_2 v) * (largest |v| so far), v: the variable
@@ -162,8 +162,12 @@ def curve_of(effect: str, enters: str, parameters: Set[str], values: Mapping[str
 
 
 def zero_of(at: Sequence[float]) -> int:
-    """Give the knot at which a curve is 0: the one nearest to zero."""
-    return int(np.argmin(np.abs(np.asarray(at)))) if len(at) else -1
+    """Give the knot at which a curve is 0: the one nearest to zero, -1 where all lie on one side of it.
+
+    A temperature or a voltage has no natural zero: a constant counts, where anything acts on more than one equation.
+    """
+    knots = np.asarray(at)
+    return int(np.argmin(np.abs(knots))) if knots.size and knots.min() <= 0.0 <= knots.max() else -1
 
 
 def basis(curve: Curve, at: Sequence[float], signals: Mapping[str, Floats], step: float) -> Floats:
@@ -171,7 +175,8 @@ def basis(curve: Curve, at: Sequence[float], signals: Mapping[str, Floats], step
     v = signals[curve.variable]
     match curve.form:
         case Form.CURVE:
-            found = np.delete(tents(v, np.asarray(at)), curve.zero, axis=1)
+            weights = tents(v, np.asarray(at))
+            found = weights if curve.zero < 0 else np.delete(weights, curve.zero, axis=1)
         case Form.RATE:
             d = _derivative(v, step)
             found = np.column_stack([d, np.abs(d)])
@@ -223,7 +228,8 @@ def mirrored(curve: Curve, values: Sequence[float], *, variable: bool, added: bo
     if variable:
         match curve.form:
             case Form.CURVE:
-                at, size, zero = -at[::-1], size[::-1], curve.knots - 1 - curve.zero
+                at, size = -at[::-1], size[::-1]
+                zero = curve.zero if curve.zero < 0 else curve.knots - 1 - curve.zero
             case Form.RATE | Form.PEAK:
                 odd = 0 if curve.form is Form.RATE else 1
                 size = size * np.where(np.arange(2) == odd, -1.0, 1.0)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.loop.model.curves import ANGLES, Curve
-from rig.loop.model.shapes import Place, ShapeTerm, addition, derivatives, place_of
+from rig.loop.model.shapes import Place, ShapeTerm, added_late, addition, derivatives, place_of
 from rig.loop.model.terms import Derivative, Entry, LineValues, TermClass
 from rig.loop.signals.play import PlayPath
 from sim_backend.model.effects import Effect
@@ -209,6 +209,18 @@ class Added:
             if (added := addition(term, signals, self.step)) is not None
         ]
         return _sum(signals["direction"].size, parts)
+
+    def load_of_play(self, load: Floats, signals: Mapping[str, Floats], fine: int) -> Floats:
+        """Give `load` (n,), what `load()` gives, at each of the `fine` values a sample that a play takes, (n * fine,).
+
+        A play keeps its input's extremes, and there a late reading is wrong by less than around them.
+        """
+        found = np.repeat(load, fine)
+        for term in self._at(Place.LOAD):
+            late = added_late(term, signals, self.step)
+            if late is not None:
+                found += late - np.repeat(late.reshape(-1, fine).mean(axis=1), fine)
+        return found
 
     def motor(self, signals: Mapping[str, Floats]) -> Floats:
         """Give the sum added to the motor balance, N*m, shape (n,)."""

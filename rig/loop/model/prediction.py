@@ -308,11 +308,12 @@ def _backdrive(track: Track, model: Model) -> Evaluation:
     added = _added(track, model, positions)
     signals = _signals(track, model, positions, _load(track, model), None)
     load = added.load(signals)
+    play_load = np.zeros(track.size * track.fine) if track.play_load is None else track.play_load
+    play_load = play_load - added.load_of_play(load, signals, track.fine)
     T = _load(track, model) - load
     signals = _loaded(signals, T)
-    play_load = np.zeros(track.size * track.fine) if track.play_load is None else track.play_load
     radius = _radius(model.value("T_fb") / N, added.friction(signals), track.fine)
-    path = play_path((play_load - np.repeat(load, track.fine)) / N, radius, track.fine)
+    path = play_path(play_load / N, radius, track.fine)
     value = _motor_reading(track, added, signals, path.output) + model.value("M_0")
     ones = np.ones(track.size)
     base = {"T_fb": -path.side / N, "M_0": ones}

@@ -193,40 +193,44 @@ def addition(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> Flo
         return np.asarray(basis(term.effect, term.values[: term.effect.knots], signals, step) @ fitted)
     if term.rings:  # noise would set it ringing too
         return _swept(term.effect, term.values, signals, step) if SWEPT_TORQUE in signals else None
-    if term.is_late and SWEPT_TORQUE in signals:
-        return _late(term.effect, term.values, signals, step)
+    late = added_late(term, signals, step)
+    if late is not None:
+        return _means(late, signals)
     return evaluate(term.effect, signals, term.values, step=step)
 
 
 def _swept(effect: Effect, values: Sequence[float], signals: Mapping[str, Floats], step: float) -> Floats:
     """Give what the swept torque sets ringing: samples averaged before would bend where the torque has a corner."""
     fast = signals[SWEPT_TORQUE]
-    fine = fast.size // signals["output_torque"].size
-    return _means(evaluate(effect, {"output_torque": fast}, values, step=step / fine), fine)
+    step = step * signals["output_torque"].size / fast.size
+    return _means(evaluate(effect, {"output_torque": fast}, values, step=step), signals)
 
 
-def _late(effect: Effect, values: Sequence[float], signals: Mapping[str, Floats], step: float) -> Floats:
+def added_late(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> Floats | None:
     """Give what has been added to the swept torque, a reading that came late: it less the torque that makes it.
 
-    That is first as much early, what undoes a delay, and then what the effect turns into the reading (Van Cittert's
-    iteration): a corner that a lag has rounded stays wrong by a seventh of what was added, in the mean by nothing.
+    As many values as that has. None for other effects, and where it is not known. That torque is first the reading as
+    much early, which undoes a delay, and then what the effect turns into the reading (Van Cittert's iteration): a
+    corner that a lag has rounded stays wrong by a seventh of what was added, in the mean by nothing.
     """
-    reading = signals[SWEPT_TORQUE]
-    count, fine = reading.size, reading.size // signals["output_torque"].size
-    beyond = np.arange(1, 2 + math.ceil(BEYOND * max(values) * fine / step))
-    reading = np.concatenate([reading, reading[-1] + beyond * (reading[-1] - reading[-2])])
+    if not term.is_late or isinstance(term.effect, Curve) or SWEPT_TORQUE not in signals:
+        return None
+    effect, swept = term.effect, signals[SWEPT_TORQUE]
+    step = step * signals["output_torque"].size / swept.size
+    beyond = np.arange(1, 2 + math.ceil(BEYOND * max(term.values) / step))
+    reading = np.concatenate([swept, swept[-1] + beyond * (swept[-1] - swept[-2])])
 
     def added(torque: Floats) -> Floats:
-        return evaluate(effect, {"output_torque": torque}, values, step=step / fine)
+        return evaluate(effect, {"output_torque": torque}, term.values, step=step)
 
     torque = reading + added(reading[::-1])[::-1]
     for _ in range(UNDOING):
         torque = reading - added(torque)
-    return _means((reading - torque)[:count], fine)
+    return (reading - torque)[: swept.size]
 
 
-def _means(values: Floats, fine: int) -> Floats:
-    return np.asarray(values.reshape(-1, fine).mean(axis=1))
+def _means(fast: Floats, signals: Mapping[str, Floats]) -> Floats:
+    return np.asarray(fast.reshape(signals["output_torque"].size, -1).mean(axis=1))
 
 
 def derivatives(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> list[Floats] | None:

@@ -28,7 +28,7 @@ from rig.loop.search.acceptance import (
     pays_jointly,
     unpaid_by,
 )
-from rig.loop.search.contenders import by_joint_fit
+from rig.loop.search.contenders import MOST, by_joint_fit
 from rig.loop.search.decision import Decision
 from rig.loop.search.shape_trials import Scales, ShapeTrial, scales_of, shape_of, sized
 from rig.loop.search.trial import Ground, consistent_shape, prepare, try_columns
@@ -52,6 +52,9 @@ RADII = (0.03, 0.08, 0.18, 0.4, 0.7)
 
 MOST_SAMPLES, FEWEST_AT_A_KNOT = 1000, 8
 """Samples of a piece that knots are laid by, and how many of all must be near one."""
+
+LEAST_FACTOR = 0.1
+"""Share of its largest value that the factor of a product has where samples tell of the product."""
 
 LEAST_TRAVEL = 1e-9
 """Relative travel below which a signal is constant."""
@@ -84,14 +87,18 @@ def curves(ground: Ground, scales: Scales) -> list[ShapeTerm]:
     # without the motor torque nothing tells another torsion from the windup of the wave generator
     if any(item.equation is Equation.TORSION and not item.winds for item in ground.fit.about):
         return []
-    samples = _samples(ground)
+    pieces = ground.fit.linear.map(_some_samples)
+    samples = _moving(pieces)
     found = []
     for enters, variable, form, factor in _kinds(samples):
         most = float(np.abs(samples[variable]).max())
         choices: list[tuple[float, ...]]
         match form:
             case Form.CURVE:
-                choices = _knots(variable, samples[variable])
+                values = samples[variable]
+                if factor:
+                    values = _beside(pieces, variable, factor, float(np.abs(samples[factor]).max()))
+                choices = _knots(variable, values)
             case Form.PLAY:
                 choices = [tuple(share * most for share in RADII)]
             case Form.LAG:
@@ -141,23 +148,29 @@ def _kinds(samples: Mapping[str, Floats]) -> Iterator[tuple[Enters, str, Form, s
                 yield enters, variable, Form.CURVE, factor
 
 
-def _samples(ground: Ground) -> dict[str, Floats]:
-    """Give values of every signal that moves, (k,) of the samples that count."""
-    found: dict[str, list[Floats]] = {}
-    for some in ground.fit.linear.map(_some_samples):
-        for name, values in some.items():
-            found.setdefault(name, []).append(values)
-    joined = {name: np.concatenate(parts) for name, parts in found.items()}
+def _moving(pieces: Sequence[Mapping[str, Floats]]) -> dict[str, Floats]:
+    """Give values of every signal that moves, (k,), of the samples of all pieces that have it."""
+    names = dict.fromkeys(name for some in pieces for name in some)
+    joined = {name: np.concatenate([some[name] for some in pieces if name in some]) for name in names}
     return {name: values for name, values in joined.items() if np.ptp(values) > LEAST_TRAVEL * np.abs(values).max()}
 
 
 def _some_samples(item: LinearPiece) -> dict[str, Floats]:
+    """Give some of the samples that count, by signal."""
     rows = item.piece.index[:: max(1, item.piece.index.size // MOST_SAMPLES)]
     return {name: values[rows] for name, values in item.evaluation.signals.items() if name not in INTERNAL}
 
 
+def _beside(pieces: Sequence[Mapping[str, Floats]], variable: str, factor: str, most: float) -> Floats:
+    """Give the values of a variable where the factor of a product is not small against the `most` that it becomes."""
+    both = [some for some in pieces if variable in some and factor in some]
+    return np.concatenate([some[variable][np.abs(some[factor]) > LEAST_FACTOR * most] for some in both])
+
+
 def _knots(variable: str, values: Floats) -> list[tuple[float, ...]]:
     """Give the knots of curves over a signal; one that no sample stands for is left out."""
+    if not values.size:
+        return []
     if variable == "motor_velocity":
         size = np.abs(values[values != 0.0])
         sides = np.quantile(size, SPEEDS) if size.size else np.zeros(0)
@@ -204,7 +217,7 @@ def unnamed(
     `known`: parameters that no fit estimates, by name. They are looked for among few samples and judged by all: few
     samples, each a mean, hold less noise, of which any shape has a larger share.
     """
-    decisions = list(decisions)
+    decisions, newest = list(decisions), None
     for term in current.model.shapes:
         better = _better_curve(pieces, current, term, known, alpha)
         if better is not None and all(better.term.kind != other.kind for other in decisions):
@@ -212,14 +225,16 @@ def unnamed(
             current = refit(pieces, current, replace(current.model, shapes=shapes))
             place = next(k for k, decision in enumerate(decisions) if decision.kind == term.kind)
             decisions[place] = _of_curve(better, min(1.0, better.trial.single_p * better.tests), [better])
+            newest = better.term.kind
     while len({decision.kind for decision in decisions}) <= MOST_CLASSES:
         found = _best_curve(pieces, current, known, alpha)
         if found is None:
             break
         best, current, p_value, tried = found
         decisions.append(_of_curve(best, p_value, tried))
-    if any(isinstance(term.effect, Curve) for term in current.model.shapes):
-        for kind in [x.kind for x in current.model.shapes[:-1]]:
+        newest = best.term.kind
+    if newest is not None:
+        for kind in [x.kind for x in current.model.shapes if x.kind != newest]:
             here = next(x for x in current.model.shapes if x.kind == kind)
             if not _still_needed(pieces.few, current, here, alpha):
                 shapes = tuple(x for x in current.model.shapes if x is not here)
@@ -246,7 +261,7 @@ def _best_curve(
     if not fresh:
         return None
     whole = prepare(current)
-    for candidate in by_joint_fit(pieces.few, sparse, fresh, alpha)[:2]:
+    for candidate in by_joint_fit(pieces.few, sparse, fresh, alpha)[:MOST]:
         term, p_value = candidate.term, min(1.0, candidate.trial.single_p * candidate.tests)
         first = try_columns(whole, term.effect.id, shape_of(term), ridge=RIDGE)
         if objection(first.share, LEAST_CURVE_SHARE, room=True):

@@ -188,7 +188,9 @@ def make_track(run: Run, dut: Dut) -> Track:
         fine=1,
         motor_position=motor_position,
         output_position=output_position,
-        T=_over_turns(output_torque, leg_speed, period) if moves else _clean(load, load_line, SPRING_SIDE, period),
+        T=_over_turns(output_torque, load_line, leg_speed, period)
+        if moves
+        else _clean(load, load_line, SPRING_SIDE, period),
         M=motor_torque if moves else _clean(drive, drive_line, SPRING_SIDE, period),
         play_load=None if moves else _clean(load, load_line, PLAY_SIDE, period),
         play_drive=None if moves else _clean(drive, drive_line, PLAY_SIDE, period),
@@ -318,10 +320,10 @@ def _clean(values: Floats | None, line: Floats | None, side: float, period: floa
     return line if values is None or line is not None else smooth(values, round(side / period), period)
 
 
-def _over_turns(values: Floats | None, leg_speed: Floats, period: float) -> Floats | None:
-    """Average over a share of a motor turn, leg by leg."""
-    if values is None:
-        return None
+def _over_turns(values: Floats | None, line: Floats | None, leg_speed: Floats, period: float) -> Floats | None:
+    """Give the polyline that a torque (n,) follows, else average it over a share of a motor turn, leg by leg."""
+    if values is None or line is not None:
+        return line
     averaged = values.copy()
     edges = np.flatnonzero(np.diff(leg_speed, prepend=np.nan, append=np.nan) != 0)
     for start, stop in itertools.pairwise(edges.tolist()):
