@@ -7,10 +7,12 @@ noise, that is what they get.
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_banded
 from scipy.ndimage import maximum_filter1d
 
 from rig.loop.signals.noise import MEMORIES, left_in_mean, noise_and_memory
@@ -28,6 +30,9 @@ BENT = 6.0
 LEVEL, FLAT = 3.0, 0.1
 """Standard deviations that a piece must rise or fall by, or it is level, where they are less than this share of what
 the steeper piece beside it would rise in the same time."""
+
+LEVELLING, TIED = np.array([[1.0, -1.0], [-1.0, 1.0]]), 1e3
+"""What holds both ends of a piece at one height, and by how much more than its samples."""
 
 MOST_KNOTS = 200
 
@@ -94,8 +99,10 @@ def polyline(values: Floats, side: int, period: float) -> Floats | None:
         found = _found(values, smoothed, side, tolerance, noise, memory, SPARE * most)
         if found is None:
             return None
-        found = _levelled(values, found, _variance(noise, memory))
-        line, few = found.at(values.size), found.knots.size <= most
+        few = found.knots.size <= most
+        if few:
+            found = _levelled(values, found, _variance(noise, memory))
+        line = found.at(values.size)
         curved = memory > 0.0 and _longest_arc(found) > LONGEST_ARC
         rest = values - line
         if not memory:
@@ -206,7 +213,7 @@ def _placed(values: Floats, knots: Floats) -> Polyline:
         line = _fitted(values, knots)
         if knots.size < 3:
             return line
-        knots = _moved(values, line, np.eye(knots.size))
+        knots = _moved(values, line)
     return _fitted(values, _apart(knots))
 
 
@@ -219,15 +226,11 @@ def _apart(knots: Floats) -> Floats:
     return np.array([*kept, float(knots[-1])])
 
 
-def _fitted(values: Floats, knots: Floats, shared: Floats | None = None) -> Polyline:
-    """Fit the heights of the knots; `shared` (k, h): which of h heights each knot has, None: its own."""
+def _fitted(values: Floats, knots: Floats, tied: Floats | float = 0.0) -> Polyline:
+    """Fit the heights of the knots; `tied` (k - 1,): weights by which both ends of a piece are held at one height."""
     squares, products = _sums(values, knots)
-    matrix, vector = np.zeros((knots.size, knots.size)), np.zeros(knots.size)
-    _gather(matrix, squares, 0, 0)
-    np.add.at(vector, _ends(knots.size), products)
-    if shared is None:
-        return Polyline(knots, _solved(matrix, vector))
-    return Polyline(knots, shared @ _solved(shared.T @ matrix @ shared, shared.T @ vector))
+    diagonal, beside = _bands(squares + np.multiply.outer(tied, LEVELLING))
+    return Polyline(knots, _solved([diagonal, beside], _ends(products)))
 
 
 def _levelled(values: Floats, line: Polyline, variance: Floats) -> Polyline:
@@ -238,50 +241,51 @@ def _levelled(values: Floats, line: Polyline, variance: Floats) -> Polyline:
     level = (rises < least) & (least < FLAT * steeper)
     if not level.any():
         return line
-    number = np.concatenate([[0], np.cumsum(~level)])
-    shared = (number[:, None] == np.arange(number[-1] + 1)).astype(float)
-    line = _fitted(values, line.knots, shared)
+    tied = np.where(level, TIED * gaps, 0.0)
+    line = _fitted(values, line.knots, tied)
     for _ in range(PASSES):
-        knots = _moved(values, line, shared)
+        knots = _moved(values, line, tied)
         if np.diff(knots).min() < LEAST_GAP:
             break
-        line = _fitted(values, knots, shared)
+        line = _fitted(values, knots, tied)
     return line
 
 
-def _moved(values: Floats, line: Polyline, shared: Floats) -> Floats:
-    """Give the knots (k,) moved to where they serve better, the heights that they share (k, h) being free."""
+def _moved(values: Floats, line: Polyline, tied: Floats | float = 0.0) -> Floats:
+    """Give the knots (k,) moved to where they serve better, the heights being free; `tied`: see `_fitted`."""
     squares, products = _sums(values, line.knots)
-    (count, heights), gaps = shared.shape, np.diff(line.knots)
+    count, gaps = line.knots.size, np.diff(line.knots)
     slopes = -np.diff(line.heights) / gaps
-    matrix, vector = np.zeros((2 * count, 2 * count)), np.zeros(2 * count)
-    ends, turned = _ends(count), slopes[:, None, None]
-    for row, column, blocks in (
-        (0, 0, squares),
-        (0, count, turned * squares),
-        (count, 0, turned * squares),
-        (count, count, turned**2 * squares),
-    ):
-        _gather(matrix, blocks, row, column)
-    np.add.at(vector, ends, products)
-    np.add.at(vector, ends + count, slopes[:, None] * products)
-    free = np.zeros((2 * count, heights + count - 2))  # the ends stay
-    free[:count, :heights], free[count + 1 : -1, heights:] = shared, np.eye(count - 2)
-    moves = _solved(free.T @ matrix @ free, free.T @ vector)[heights:]
+    heights, next_heights = _bands(squares + np.multiply.outer(tied, LEVELLING))
+    both, next_both = _bands(slopes[:, None, None] * squares)
+    moves, next_moves = _bands(slopes[:, None, None] ** 2 * squares)
+    inner = np.array([0.0, *np.ones(count - 2), 0.0])  # the ends stay
+    # the unknowns are height and move of one knot after the other
+    bands = [
+        _in_turn(heights, moves * inner + 1.0 - inner),
+        _in_turn(both * inner, np.append(next_both * inner[:-1], 0.0))[:-1],
+        _in_turn(next_heights, next_moves * inner[:-1] * inner[1:]),
+        _in_turn(next_both * inner[1:], np.zeros(count - 1))[:-1],
+    ]
+    pulls = _in_turn(_ends(products), _ends(slopes[:, None] * products) * inner)
+    found = _solved(bands, pulls)[1::2]
     knots = line.knots.copy()
-    knots[1:-1] += np.clip(moves, -0.3 * gaps[:-1], 0.3 * gaps[1:])
+    knots[1:-1] += np.clip(found[1:-1], -0.3 * gaps[:-1], 0.3 * gaps[1:])
     return knots
 
 
-def _ends(count: int) -> NDArray[np.intp]:
-    """Give the two knots of every piece, (count - 1, 2)."""
-    return np.asarray(np.arange(count - 1)[:, None] + np.array([0, 1]))
+def _in_turn(one: Floats, other: Floats) -> Floats:
+    return np.column_stack([one, other]).ravel()
 
 
-def _gather(matrix: Floats, blocks: Floats, row: int, column: int) -> None:
-    """Add the blocks (k - 1, 2, 2) of the pieces to a matrix of all knots, from `row` and `column` on."""
-    ends = _ends(blocks.shape[0] + 1)
-    np.add.at(matrix, (row + ends[:, :, None], column + ends[:, None, :]), blocks)
+def _bands(blocks: Floats) -> tuple[Floats, Floats]:
+    """Add up the blocks (k - 1, 2, 2) of the pieces between the k knots: diagonal (k,) and beside it (k - 1,)."""
+    return _ends(blocks[:, (0, 1), (0, 1)]), blocks[:, 0, 1]
+
+
+def _ends(values: Floats) -> Floats:
+    """Add up what the pieces (k - 1, 2) give to the k knots between them, (k,)."""
+    return np.asarray(np.append(values[:, 0], 0.0) + np.append(0.0, values[:, 1]))
 
 
 def _sums(values: Floats, knots: Floats) -> tuple[Floats, Floats]:
@@ -303,27 +307,33 @@ def _sums(values: Floats, knots: Floats) -> tuple[Floats, Floats]:
     return squares, np.stack([total - rising, rising], -1)
 
 
-def _solved(matrix: Floats, vector: Floats) -> Floats:
-    """Solve scaled normal equations; a knot on a straight line has no place of its own."""
-    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    scaled = matrix / np.outer(scale, scale) + RIDGE * np.eye(scale.size)
-    return np.asarray(np.linalg.solve(scaled, vector / scale) / scale)
+def _solved(bands: Sequence[Floats], vector: Floats) -> Floats:
+    """Solve scaled normal equations for `vector` (k,) or (k, m); a knot on a straight line has no place of its own.
+
+    `bands`: the symmetric matrix's diagonal (k,) and those beside it, (k - 1,), (k - 2,) and so on.
+    """
+    scale = np.sqrt(np.maximum(bands[0], 1e-300))
+    width = len(bands) - 1
+    banded = np.zeros((2 * width + 1, scale.size))
+    for apart, band in enumerate(bands):
+        scaled = band / (scale[: scale.size - apart] * scale[apart:]) + (0.0 if apart else RIDGE)
+        banded[width - apart, apart:] = scaled
+        banded[width + apart, : scale.size - apart] = scaled
+    found = solve_banded((width, width), banded, (vector.T / scale).T)
+    return np.asarray((found.T / scale).T)
 
 
 def _bends(line: Polyline, variance: Floats) -> Floats:
     """Give the change of slope at every inner knot in standard deviations, (k - 2,), for a noise of `variance` (n,)."""
     count, rates = line.knots.size, 1.0 / np.diff(line.knots)
     squares, _ = _sums(variance, line.knots)
-    information = np.zeros((count, count))
-    _gather(information, squares / _typical(line, variance)[:, None, None], 0, 0)
-    covariance = np.linalg.inv(information + RIDGE * np.diag(np.diag(information)))
     inner = np.arange(1, count - 1)
     change = np.zeros((inner.size, count))
     change[inner - 1, inner - 1] = rates[:-1]
     change[inner - 1, inner + 1] = rates[1:]
     change[inner - 1, inner] = -rates[:-1] - rates[1:]
-    deviations = np.sqrt(np.einsum("ij,jk,ik->i", change, covariance, change))
-    return np.asarray(np.abs(change @ line.heights) / deviations)
+    spread = _solved(_bands(squares / _typical(line, variance)[:, None, None]), change.T)
+    return np.asarray(np.abs(change @ line.heights) / np.sqrt((change * spread.T).sum(axis=1)))
 
 
 def _typical(line: Polyline, variance: Floats) -> Floats:
