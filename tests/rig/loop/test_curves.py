@@ -42,6 +42,15 @@ def test_a_curve_is_the_polyline_through_its_knots_and_zero_at_the_knot_nearest_
     assert np.allclose(found, np.interp(TORQUE, at, [3.0, -1.0, 0.0, 2.0, 0.5]), atol=1e-12)
 
 
+def test_a_curve_of_what_has_no_zero_may_be_a_constant() -> None:
+    at = (20.0, 60.0)
+    one = curve(Form.CURVE, at, "temperature")
+    assert [p.name for p in one.parameters if not p.known] == ["value_1", "value_2"]
+    found = basis(one, at, SIGNALS, STEP) @ np.array([3.0, 3.0])
+    assert np.allclose(found, 3.0, atol=1e-12)
+    assert curve(Form.CURVE, (-20.0, 60.0), "temperature").amplitudes == ("value_2",)
+
+
 def test_a_curve_times_a_factor_is_multiplied_and_a_friction_by_its_size() -> None:
     at = (20.0, 60.0)
     plain = basis(curve(Form.CURVE, at, "temperature"), at, SIGNALS, STEP)
