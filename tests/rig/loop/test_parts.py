@@ -181,7 +181,7 @@ def test_a_free_run_takes_the_mean_of_what_its_torque_reading_is_wrong_by() -> N
 
 
 def test_a_turning_run_follows_the_corners_of_the_load_that_was_held() -> None:
-    """Averaged over a share of a turn, a load is wrong by newton metres around the ramps from one level to the next."""
+    """Averaged over a share of a turn, a load is wrong by 0.8 N*m around the ramps from one level to the next."""
     run = turning_run("free-run-00", 5, speed=2.0)
     load = np.interp(run.time, [0.0, 4.0, 5.0, 16.0, 17.0, 24.0], [0.0, 0.0, 6.0, 6.0, -11.0, -11.0])
     loaded = replace(run, signals=dict(run.signals) | {"output_torque": run.signals["output_torque"] + load})
