@@ -28,7 +28,7 @@ from rig.loop.search.acceptance import (
     pays_jointly,
     unpaid_by,
 )
-from rig.loop.search.contenders import MOST, by_joint_fit
+from rig.loop.search.contenders import by_joint_fit
 from rig.loop.search.decision import Decision
 from rig.loop.search.shape_trials import Scales, ShapeTrial, scales_of, shape_of, sized
 from rig.loop.search.trial import Ground, consistent_shape, prepare, try_columns
@@ -261,7 +261,7 @@ def _best_curve(
     if not fresh:
         return None
     whole = prepare(current)
-    for candidate in by_joint_fit(pieces.few, sparse, fresh, alpha)[:MOST]:
+    for candidate in by_joint_fit(pieces.few, sparse, fresh, alpha)[:2]:
         term, p_value = candidate.term, min(1.0, candidate.trial.single_p * candidate.tests)
         first = try_columns(whole, term.effect.id, shape_of(term), ridge=RIDGE)
         if objection(first.share, LEAST_CURVE_SHARE, room=True):
