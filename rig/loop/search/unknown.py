@@ -164,7 +164,8 @@ def _some_samples(item: LinearPiece) -> dict[str, Floats]:
 def _beside(pieces: Sequence[Mapping[str, Floats]], variable: str, factor: str, most: float) -> Floats:
     """Give the values of a variable where the factor of a product is not small against the `most` that it becomes."""
     both = [some for some in pieces if variable in some and factor in some]
-    return np.concatenate([some[variable][np.abs(some[factor]) > LEAST_FACTOR * most] for some in both])
+    parts = [some[variable][np.abs(some[factor]) > LEAST_FACTOR * most] for some in both]
+    return np.concatenate([np.zeros(0), *parts])
 
 
 def _knots(variable: str, values: Floats) -> list[tuple[float, ...]]:
