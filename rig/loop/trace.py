@@ -17,7 +17,7 @@ from rig.loop.campaign import Campaign, LoopOptions, split_runs
 from rig.loop.experiment.next import with_next_experiments
 from rig.loop.files.model_file import Model as ModelFile
 from rig.loop.files.views_file import Views
-from rig.loop.fitting.fit import BLOCK, Fit, Material, fit, fit_stably, material, reweighted
+from rig.loop.fitting.fit import BLOCK, SHORTEST_BLOCK, Fit, Material, fit, fit_stably, material, reweighted
 from rig.loop.fitting.normal import about
 from rig.loop.fitting.starts import scaled_to_data
 from rig.loop.model.curves import curve_of
@@ -55,9 +55,7 @@ LOOKED_AT_ONCE = 0.1
 """Work of a run that is held out, as a share of that of one that is fitted."""
 
 MANY_BLOCKS = 200
-SHORTEST_BLOCK = 0.25
-"""Blocks of time that a short campaign is cut into, and their length (s) at least: with few blocks nothing is
-significant, however clear it is."""
+"""Blocks of time that a short campaign is cut into."""
 
 
 def trace(

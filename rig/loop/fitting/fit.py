@@ -40,8 +40,10 @@ from rig.loop.workers.held import Held
 
 Floats = NDArray[np.float64]
 
-BLOCK = 2.0
-"""s over which residuals are summed for tests and intervals; longer where the residual remembers longer."""
+BLOCK, SHORTEST_BLOCK = 2.0, 0.25
+"""s over which residuals are summed for tests and intervals; longer where the residual remembers longer. Down to the
+second for short campaigns and what acts for a short time: with few blocks nothing is significant, however clear it is.
+"""
 
 COARSE = 3000
 COARSE_PERIOD = 0.1
@@ -205,10 +207,11 @@ def reweighted(state: Fit) -> Fit:
     return with_noise(state, noise_of(state.about, state.linear))
 
 
-def with_noise(state: Fit, noise: dict[Kind, Noise]) -> Fit:
-    """Give the same fit with other weights and the blocks that go with them."""
-    linear = state.linear.keep(weighted, noise, state.block)
-    return _state(state.about, linear, state.model, state.columns, noise, state.block)
+def with_noise(state: Fit, noise: dict[Kind, Noise], block: float | None = None) -> Fit:
+    """Give the same fit with other weights and the blocks that go with them, of `block` s at least if that is given."""
+    least = state.block if block is None else block
+    linear = state.linear.keep(weighted, noise, least)
+    return _state(state.about, linear, state.model, state.columns, noise, least)
 
 
 def _columns(first: Held[Predicted], model: Model) -> Columns:

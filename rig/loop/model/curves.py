@@ -31,8 +31,16 @@ Floats = NDArray[np.float64]
 RATE_SIDE = 0.1
 """s on either side over which a signal is differentiated."""
 
+STRAIGHT, BENT, MOST_BENT = 1e-6, 3.0, 10.0
+"""Bend of one side of a sample, relative to the range of a signal, or over the median bend, from which on that side
+counts less; and how bent one is taken for that reaches beyond the record, in these units."""
+
 ANGLES = ("motor_position", "output_position")
 """Signals that lines may follow."""
+
+TURNING_LOAD = "turning_load"
+"""Name of the size of the output torque where the motor turns, 0 where it is held: what makes a drag, and no friction
+that a held mesh has as well."""
 
 UNNAMED = "unnamed:"
 _TIMES = ", times "
@@ -135,7 +143,8 @@ class Curve:
 
 def unit_of(signal: str) -> str:
     """Give the unit of a signal of a log; 1 for one that the program does not know."""
-    return "s" if signal == "time" else BY_NAME[signal].unit if signal in BY_NAME else "1"
+    own = {"time": "s", TURNING_LOAD: "N*m"}
+    return BY_NAME[signal].unit if signal in BY_NAME else own.get(signal, "1")
 
 
 def _parameter(name: str, unit: str, *, known: bool) -> Parameter:
@@ -209,10 +218,18 @@ def tents(v: Floats, at: Floats) -> Floats:
 
 
 def _derivative(v: Floats, step: float) -> Floats:
+    """Differentiate before and behind every sample; where one side bends, the other counts: corners are kept."""
     side = max(1, round(RATE_SIDE / step))
     index = np.arange(v.size)
-    low, high = np.maximum(index - side, 0), np.minimum(index + side, v.size - 1)
-    return np.asarray((v[high] - v[low]) / (np.maximum(high - low, 1) * step))
+    sides = ((np.maximum(index - side, 0), index), (index, np.minimum(index + side, v.size - 1)))
+    slopes = [(v[high] - v[low]) / (np.maximum(high - low, 1) * step) for low, high in sides]
+    bends = np.array(
+        [np.abs(v[(low + high) // 2] + v[(low + high + 1) // 2] - v[low] - v[high]) for low, high in sides]
+    )
+    bends = bends / max(BENT * float(np.median(bends)), STRAIGHT * float(np.ptp(v)), 1e-300)
+    cut = np.array([high - low < side for low, high in sides])
+    weights = np.exp(-(np.where(cut, MOST_BENT, np.minimum(bends, MOST_BENT)) ** 2))
+    return np.asarray((weights * slopes).sum(axis=0) / weights.sum(axis=0))
 
 
 def _low_pass(v: Floats, tau: float, step: float) -> Floats:

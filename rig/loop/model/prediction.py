@@ -27,8 +27,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.log.run import ProcedureName
+from rig.loop.model.curves import TURNING_LOAD
 from rig.loop.model.equations import Equation, Law, Piece
 from rig.loop.model.evaluation import FLEXSPLINE_TORQUE, Added, Evaluation, Route, through, with_time
+from rig.loop.model.hum import with_hums
 from rig.loop.model.parameters import ParameterTable
 from rig.loop.model.shapes import SWEPT_TORQUE, ShapeTerm
 from rig.loop.model.terms import Entry, Line, line_values
@@ -94,17 +96,18 @@ class Model:
 
 def predict(piece: Piece, model: Model) -> Evaluation:
     """Evaluate the model for the piece's equation at every sample of its track."""
+    track = with_hums(piece.track, model.lines) if model.lines else piece.track
     match piece.law:
         case Law.TORSION:
-            return _torsion(piece.track, model)
+            return _torsion(track, model)
         case Law.BACKDRIVE:
-            return _backdrive(piece.track, model)
+            return _backdrive(track, model)
         case Law.LOCKED:
-            return _locked(piece.track, model)
+            return _locked(track, model)
         case Law.FREE_RUN | Law.HELD:
-            return _motor(piece, model)
+            return _motor(piece, track, model)
         case Law.OUTPUT_MOTION:
-            return _output(piece.track, model)
+            return _output(track, model)
 
 
 def _ratio(model: Model) -> float:
@@ -127,24 +130,24 @@ def _signals(
     track: Track, model: Model, positions: Mapping[str, Floats], T: Floats, M: Floats | None
 ) -> dict[str, Floats]:
     """Give what terms may use: T and M are the torques at the flexspline and of the motor, as far as known."""
-    found = {**track.auxiliary, **positions, "time": track.time, "direction": track.direction, FLEXSPLINE_TORQUE: T}
+    found = {**track.auxiliary, **positions, "time": track.time, "direction": track.direction}
     found["locked"] = np.full(track.size, float(track.procedure is ProcedureName.LOCKED_OUTPUT))
     found["motor_velocity"] = track.speed
-    found["output_torque"] = T
-    found["flexspline_torsion"] = model.flexspline_torsion(T)
     found["base_friction"] = np.abs(model.value("T_c")) + np.abs(model.value("b") * track.speed)
+    # in a backdrive the motor is held
+    found["turning"] = np.full(track.size, float(track.moves or track.procedure is not ProcedureName.BACKDRIVE))
     if track.swept_torque is not None:
         found[SWEPT_TORQUE] = track.swept_torque
     if M is not None:
         found["motor_torque"] = M
         if track.torque_constant is not None:
             found["motor_current"] = M / track.torque_constant
-    return found
+    return _loaded(found, T, model.flexspline_torsion(T))
 
 
 def _loaded(signals: dict[str, Floats], T: Floats, torsion: Floats | None = None) -> dict[str, Floats]:
     """Give the signals with another torque at the flexspline (N*m), and its torsion (rad) where that is known."""
-    found = signals | {FLEXSPLINE_TORQUE: T, "output_torque": T}
+    found = signals | {FLEXSPLINE_TORQUE: T, "output_torque": T, TURNING_LOAD: signals["turning"] * np.abs(T)}
     return found if torsion is None else found | {"flexspline_torsion": torsion}
 
 
@@ -372,8 +375,7 @@ def _radius(level: float, added: Floats | None, fine: int) -> Floats | float:
     return level if added is None else np.repeat(np.clip(level + added, LEAST_LEVEL * level, MOST_LEVEL * level), fine)
 
 
-def _motor(piece: Piece, model: Model) -> Evaluation:
-    track = piece.track
+def _motor(piece: Piece, track: Track, model: Model) -> Evaluation:
     current = piece.equation is Equation.MOTOR_CURRENT
     coulomb, viscous, constant = ("i_c", "i_v", "i_0") if current else ("T_c", "b", "M_0")
     positions = _positions(track, model)

@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.loop.fitting.fit import RIDGE, Fit, Material, fit, refit, with_noise
+from rig.loop.fitting.fit import RIDGE, SHORTEST_BLOCK, Fit, Material, fit, refit, with_noise
 from rig.loop.fitting.normal import LinearPiece
-from rig.loop.model.curves import ANGLES, WITHOUT_KNOTS, Curve, Form, tents, zero_of
+from rig.loop.model.curves import ANGLES, TURNING_LOAD, WITHOUT_KNOTS, Curve, Form, tents, zero_of
 from rig.loop.model.equations import Equation, Piece
 from rig.loop.model.evaluation import FLEXSPLINE_TORQUE
 from rig.loop.model.prediction import Model
@@ -23,6 +23,7 @@ from rig.loop.search.acceptance import (
     LARGE_SHARE,
     LEAST_CURVE_SHARE,
     LEAST_SHAPE_SHARE,
+    LEAST_SHARE,
     MOST_CLASSES,
     objection,
     pays_jointly,
@@ -31,7 +32,7 @@ from rig.loop.search.acceptance import (
 from rig.loop.search.contenders import by_joint_fit
 from rig.loop.search.decision import Decision
 from rig.loop.search.shape_trials import Scales, ShapeTrial, scales_of, shape_of, sized
-from rig.loop.search.trial import Ground, consistent_shape, prepare, try_columns
+from rig.loop.search.trial import Ground, consistent_shape, prepare, try_columns, try_line
 from rig.loop.workers.held import Held
 from sim_backend.model.effects import Enters
 
@@ -42,10 +43,9 @@ KNOTS = (9, 25)
 FEW_KNOTS = (2, 5)
 """over anything else, which moves less."""
 
-SPEEDS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
-LEAST_STEP = 0.1
-"""Knots over a speed, on either side of zero, as quantiles of what is there: elsewhere nothing would hold one; and
-relative distance of neighbours at least."""
+SPEEDS, LEAST_STEP = 6, 0.1
+"""Knots over a speed at most, on either side of zero, spread over the speeds that there are; and by how much of a speed
+the next one must be faster to be another."""
 
 RADII = (0.03, 0.08, 0.18, 0.4, 0.7)
 """Radii of plays, relative to the largest value of the variable."""
@@ -66,10 +66,19 @@ WAVES = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
 """Orders of the motor's angle at which a line that grows with the torque otherwise than in proportion is tried."""
 
 INTERNAL = frozenset(
-    {FLEXSPLINE_TORQUE, SWEPT_TORQUE, "direction", "locked", "flexspline_torsion", "base_friction", "motor_current"}
+    {
+        FLEXSPLINE_TORQUE,
+        SWEPT_TORQUE,
+        "direction",
+        "locked",
+        "turning",
+        "flexspline_torsion",
+        "base_friction",
+        "motor_current",
+    }
 )
 """Names of the model's own, no signals of a log; and a current, which says what the torque says."""
-MODELLED = frozenset({*ANGLES, "output_torque", "motor_torque", "motor_velocity"})
+MODELLED = frozenset({*ANGLES, "output_torque", "motor_torque", "motor_velocity", TURNING_LOAD})
 """Signals that the model follows anyway; whatever else was recorded is tried as it stands."""
 
 MORE_THAN_A_COLUMN = 30.0
@@ -79,7 +88,8 @@ MOST_TOLD = 8
 """Curves that are told as candidates."""
 
 NEARLY = 0.9
-"""Share of the best gain of a curve's choices of knots from which on the choice that pays most is taken."""
+"""Share of the best gain from which on, of a curve's choices of knots, the one that pays most is taken, and from which
+on a curve is tried beside the best two."""
 
 
 def curves(ground: Ground, scales: Scales) -> list[ShapeTerm]:
@@ -135,17 +145,21 @@ def _kinds(samples: Mapping[str, Floats]) -> Iterator[tuple[Enters, str, Form, s
         Enters.OUTPUT_BALANCE: [("motor_velocity", Form.CURVE)],
         Enters.FRICTION: friction,
     }
-    products = {Enters.TORSION: "output_torque", Enters.MOTOR_BALANCE: "motor_torque", Enters.FRICTION: "output_torque"}
+    products = {
+        Enters.TORSION: ("output_torque",),
+        Enters.MOTOR_BALANCE: ("motor_torque",),
+        Enters.FRICTION: ("output_torque", TURNING_LOAD),
+    }
     for enters, pairs in plain.items():
         for variable, form in pairs:
             if variable in known:
                 yield enters, variable, form, ""
         for variable in other:
             yield enters, variable, Form.CURVE, ""
-        factor = products.get(enters, "")
-        for variable in (*other, "motor_velocity"):
-            if factor in known and variable in known:
-                yield enters, variable, Form.CURVE, factor
+        for factor in products.get(enters, ()):
+            for variable in (*other, "motor_velocity"):
+                if factor in known and variable in known:
+                    yield enters, variable, Form.CURVE, factor
 
 
 def _moving(pieces: Sequence[Mapping[str, Floats]]) -> dict[str, Floats]:
@@ -156,9 +170,10 @@ def _moving(pieces: Sequence[Mapping[str, Floats]]) -> dict[str, Floats]:
 
 
 def _some_samples(item: LinearPiece) -> dict[str, Floats]:
-    """Give some of the samples that count, by signal."""
+    """Give some of the samples that count, by signal; the speed at which a sweep winds the gear up is none."""
     rows = item.piece.index[:: max(1, item.piece.index.size // MOST_SAMPLES)]
-    return {name: values[rows] for name, values in item.evaluation.signals.items() if name not in INTERNAL}
+    left_out = INTERNAL if item.piece.track.moves else INTERNAL | {"motor_velocity"}
+    return {name: values[rows] for name, values in item.evaluation.signals.items() if name not in left_out}
 
 
 def _beside(pieces: Sequence[Mapping[str, Floats]], variable: str, factor: str, most: float) -> Floats:
@@ -173,9 +188,10 @@ def _knots(variable: str, values: Floats) -> list[tuple[float, ...]]:
     if not values.size:
         return []
     if variable == "motor_velocity":
-        size = np.abs(values[values != 0.0])
-        sides = np.quantile(size, SPEEDS) if size.size else np.zeros(0)
-        sides = sides[np.diff(sides, prepend=0.0) > LEAST_STEP * sides]
+        speeds = _apart(np.unique(np.abs(values[values != 0.0])))
+        sides = (
+            speeds[np.unique(np.linspace(0, speeds.size - 1, SPEEDS).round().astype(int))] if speeds.size else speeds
+        )
         choices = [np.concatenate([-sides[::-1], [0.0], sides])]
     else:
         counts = KNOTS if variable in ("output_torque", "motor_torque") else FEW_KNOTS
@@ -184,8 +200,17 @@ def _knots(variable: str, values: Floats) -> list[tuple[float, ...]]:
     return [tuple(at.tolist()) for at in held if at.size > 1]
 
 
+def _apart(speeds: Floats) -> Floats:
+    """Give those of ascending speeds (k,) that differ: legs at one speed differ a little."""
+    found: list[float] = []
+    for speed in speeds.tolist():
+        if not found or speed > (1.0 + LEAST_STEP) * found[-1]:
+            found.append(speed)
+    return np.array(found)
+
+
 def curve_trials(ground: Ground, known: Mapping[str, float]) -> list[ShapeTrial]:
-    """Score every curve, best first; each further value has to pay for itself."""
+    """Score every curve with every choice of knots, best first; each further value has to pay for itself."""
     terms = curves(ground, scales_of(ground.fit.linear, known))
     found = []
     for term in terms:
@@ -194,7 +219,7 @@ def curve_trials(ground: Ground, known: Mapping[str, float]) -> list[ShapeTrial]
         if grown is not None:
             gain = max(trial.gain - MORE_THAN_A_COLUMN * trial.columns, 0.0)
             found.append(ShapeTrial(grown, replace(trial, gain=gain), 2.0 * len(terms)))
-    return sorted(_one_of_each(found), key=lambda item: -item.trial.gain)
+    return sorted(found, key=lambda item: -item.trial.gain)
 
 
 def _one_of_each(trials: Sequence[ShapeTrial]) -> list[ShapeTrial]:
@@ -206,7 +231,7 @@ def _one_of_each(trials: Sequence[ShapeTrial]) -> list[ShapeTrial]:
     for members in groups.values():
         most = max(item.trial.gain for item in members)
         found.append(max((x for x in members if x.trial.gain >= NEARLY * most), key=lambda item: item.trial.pays))
-    return found
+    return sorted(found, key=lambda item: -item.trial.gain)
 
 
 def unnamed(
@@ -240,7 +265,22 @@ def unnamed(
             if not _still_needed(pieces.few, current, here, alpha):
                 shapes = tuple(x for x in current.model.shapes if x is not here)
                 current = refit(pieces, current, replace(current.model, shapes=shapes))
+        current = _without_superfluous_lines(pieces, current, alpha)
     return current, decisions
+
+
+def _without_superfluous_lines(pieces: Material, current: Fit, alpha: float) -> Fit:
+    """Take out the lines that would not be added beside the curves that were."""
+    for line in sorted(current.model.lines, key=lambda line: line.amplitude):
+        # each refit moves the orders a little
+        here = min((x for x in current.model.lines if x.kind == line.kind), key=lambda x: abs(x.order - line.order))
+        others = tuple(x for x in current.model.lines if x is not here)
+        without = _with(pieces.all, current, replace(current.model, lines=others))
+        trial = try_line(prepare(without), here.kind, here.order)
+        share = trial.share_of(Equation.TORSION) if here.kind.is_angle else trial.share
+        if trial.single_p > alpha or share < LEAST_SHARE or unpaid_by(trial):
+            current = refit(pieces, current, without.model)
+    return current
 
 
 def _of_curve(best: ShapeTrial, p_value: float, tried: Sequence[ShapeTrial]) -> Decision:
@@ -256,26 +296,58 @@ def _best_curve(
 ) -> tuple[ShapeTrial, Fit, float, list[ShapeTrial]] | None:
     """Give the best curve that may be added, the joint fit with it, its p-value, and all that were tried."""
     sparse = prepare(_with(pieces.few, current, current.model))
-    trials = curve_trials(sparse, known)
+    every = curve_trials(sparse, known)
+    trials = _one_of_each(every)
     taken = {term.effect.id for term in current.model.shapes}
     fresh = [item for item in trials if item.term.effect.id not in taken and _may_be_added(item, alpha)]
     if not fresh:
         return None
     whole = prepare(current)
-    for candidate in by_joint_fit(pieces.few, sparse, fresh, alpha)[:2]:
+    ranked = by_joint_fit(pieces.few, sparse, fresh, alpha)
+    for candidate in (x for k, x in enumerate(ranked) if k < 2 or x.trial.gain > NEARLY * ranked[0].trial.gain):
         term, p_value = candidate.term, min(1.0, candidate.trial.single_p * candidate.tests)
         first = try_columns(whole, term.effect.id, shape_of(term), ridge=RIDGE)
         if objection(first.share, LEAST_CURVE_SHARE, room=True):
             continue
         joint = refit(pieces, current, replace(current.model, shapes=(*current.model.shapes, term)))
-        again = prepare(with_noise(current, joint.noise))
+        # what settles after a change of speed lies in few long blocks; now it is known what it leaves
+        again = prepare(with_noise(current, joint.noise, SHORTEST_BLOCK))
         second = try_columns(again, term.effect.id, shape_of(term), ridge=RIDGE)
         p_value = min(1.0, 2.0 * min(p_value, second.single_p * candidate.tests))
         if p_value > alpha or objection(second.share, LEAST_CURVE_SHARE, room=True):
             continue
         if pays_jointly(current, joint) and consistent_shape(joint, len(joint.model.shapes) - 1):
-            return candidate, joint, p_value, trials
+            best, joint = _with_best_knots(pieces, current, joint, candidate, every)
+            return best, joint, p_value, trials
     return None
+
+
+def _with_best_knots(
+    pieces: Material, before: Fit, joint: Fit, candidate: ShapeTrial, every: Sequence[ShapeTrial]
+) -> tuple[ShapeTrial, Fit]:
+    """Give the joint fit with those knots of the candidate that predict best the runs that are left out.
+
+    Where few samples hold a knot, a curve with fewer of them foretells more. `every`: all choices of knots.
+    """
+    best, least = (candidate, joint), _left_out(joint)
+    for other in every:
+        if not _differ_in_knots(other.term, candidate.term):
+            continue
+        fitted = refit(pieces, before, replace(before.model, shapes=(*before.model.shapes, other.term)))
+        left = _left_out(with_noise(fitted, joint.noise))
+        if left < least:
+            best, least = (other, fitted), left
+    return best
+
+
+def _differ_in_knots(one: ShapeTerm, other: ShapeTerm) -> bool:
+    curves = [x.effect for x in (one, other) if isinstance(x.effect, Curve) and x.effect.form is Form.CURVE]
+    return len({curve.knots for curve in curves}) == 2 and len({replace(x, knots=0, zero=-1) for x in curves}) == 1
+
+
+def _left_out(joint: Fit) -> float:
+    """Give the weighted squares of all runs, each predicted from the others."""
+    return float(joint.normal.leave_one_out(joint.prior, joint.pull).sum())
 
 
 def _may_be_added(item: ShapeTrial, alpha: float) -> bool:
@@ -301,7 +373,7 @@ def _better_curve(
     own = try_columns(without, term.effect.id, shape_of(term))
     trials = [
         x
-        for x in curve_trials(without, known)
+        for x in _one_of_each(curve_trials(without, known))
         if x.trial.gain * BEST_SHARE > own.gain
         and x.trial.single_p * x.tests <= alpha
         and not (objection(x.trial.share, LEAST_CURVE_SHARE, room=True) or unpaid_by(x.trial))

@@ -68,6 +68,18 @@ def test_a_rate_is_the_derivative_and_its_size() -> None:
     assert np.allclose(found[inner, 1], np.abs(exact[inner]), atol=2e-2)
 
 
+def test_a_rate_keeps_the_corners_of_a_polyline_and_takes_nearly_the_mean_of_both_sides_of_a_noise() -> None:
+    corners, heights = (0.0, 8.0, 12.0, 26.0, 40.0), (0.0, 4.0, 4.0, -3.0, 4.0)
+    swept = np.interp(TIME, corners, heights)
+    (found,) = basis(curve(Form.RATE), (), {"output_torque": swept}, STEP)[:, :1].T
+    exact = np.diff(heights) / np.diff(corners)
+    away = np.min([np.abs(TIME - corner) for corner in corners[1:-1]], axis=0) > 1.5 * STEP
+    assert np.allclose(found[away], exact[np.searchsorted(corners[1:-1], TIME)][away], atol=1e-9)
+    noise = np.random.default_rng(1).standard_normal(TIME.size)
+    (noisy,) = basis(curve(Form.RATE), (), {"output_torque": noise}, STEP)[:, :1].T
+    assert noisy.std() < 1.2 * np.sqrt(2.0) / 0.2  # of the difference over both sides
+
+
 def test_a_lag_of_a_ramp_is_its_rate_times_the_time_constant() -> None:
     ramp = {"output_torque": 2.0 * TIME}
     found = basis(curve(Form.LAG, (0.5,)), (0.5,), ramp, STEP)
