@@ -164,6 +164,8 @@ def _of_open(
         return _told(item.group, found, chosen, bench, None)
     if item.group:
         return NextExperiment(_too_little(item.group), "")
+    if "speeds" in item.evidence:
+        return _survey("free-run", bench, "See what changes with the speed between those that were run: vary")
     if "odd_runs" in item.evidence:
         return _odd_again(item, runs, bench)
     repeating = float(str(item.evidence.get("replicate_pairs") or 0)) > 0

@@ -48,6 +48,9 @@ ABOVE_NOISE = 3.0
 LEAST_PART = 0.5
 """Part of a run's whole error that the slow one is at least: what is mostly noise says nothing of a condition."""
 
+OTHER_SPEED = 0.15
+"""Relative distance from the nearest speed of another run from which on a leg had a speed of its own."""
+
 FEWEST_OTHERS = 2
 """Runs with which one is compared; of two nobody knows which is the odd one."""
 
@@ -105,11 +108,12 @@ class Range:
 
 @dataclass(frozen=True, slots=True)
 class Inputs:
-    """What went into one run: ranges by signal."""
+    """What went into one run: ranges by signal, and the sizes of its legs' speeds, rad/s."""
 
     run: str
     procedure: str
     ranges: Mapping[str, Range]
+    speeds: tuple[float, ...] = ()
 
 
 def wrong_experiments(
@@ -120,6 +124,7 @@ def wrong_experiments(
     everyone = {item.run: item for item in (*fitted, *others)}
     beyond = {item.run: outside(item, fitted) for item in others}
     found: list[Unlike] = []
+    interpolated: dict[str, tuple[float, ...]] = {}
     worse: set[str] = set()
     groups: dict[tuple[str, str], list[Residual]] = {}
     for residual in residuals:
@@ -128,11 +133,16 @@ def wrong_experiments(
         errors = [_error(residual, dut, model) for residual in members]
         odd = unlike(errors)
         rest = [item for name, item in everyone.items() if name not in {one.run for one in odd}]
-        found += [item for item in odd if not beyond.get(item.run) and not outside(everyone[item.run], rest)]
+        within = [item for item in odd if not beyond.get(item.run) and not outside(everyone[item.run], rest)]
+        interpolated |= {item.run: own for item in within if (own := own_speeds(everyone[item.run], rest))}
+        found += [item for item in within if item.run not in interpolated]
         worse |= _worse([error for error in errors if beyond.get(error.run)], errors, {item.run for item in fitted})
     return WrongExperiments(
         frozenset([*worse, *(item.run for item in found)]),
-        tuple(_open([item for item in found if item.run == run]) for run in dict.fromkeys(one.run for one in found)),
+        (
+            *(_open([item for item in found if item.run == run]) for run in dict.fromkeys(one.run for one in found)),
+            *(_open_speeds(everyone[run], own) for run, own in interpolated.items()),
+        ),
         tuple(_said(item, item.run in worse) for items in beyond.values() for item in items),
     )
 
@@ -154,6 +164,14 @@ def outside(run: Inputs, others: Sequence[Inputs]) -> tuple[Outside, ...]:
             value = own.high if own.high - high > low - own.low else own.low
             found.append(Outside(run.run, run.procedure, name, value, low, high, own.unit))
     return tuple(found)
+
+
+def own_speeds(run: Inputs, others: Sequence[Inputs]) -> tuple[float, ...]:
+    """Give the speeds of a run's legs, rad/s, that no other run of its procedure comes near."""
+    known = [speed for other in others if other.procedure == run.procedure for speed in other.speeds]
+    if not known:
+        return ()
+    return tuple(v for v in run.speeds if min(abs(v - speed) for speed in known) > OTHER_SPEED * v)
 
 
 SCALED = ("N*m", "rad/s")
@@ -241,7 +259,8 @@ def inputs_of(track: Track) -> Inputs:
         for name, values in known.items()
         if values is not None and use.any()
     }
-    return Inputs(track.name, track.procedure.value, ranges)
+    speeds = np.unique(np.abs(track.speed[use])) if track.moves else np.zeros(0)
+    return Inputs(track.name, track.procedure.value, ranges, tuple(speeds.tolist()))
 
 
 def _range(values: Floats, unit: str) -> Range:
@@ -280,4 +299,19 @@ def _open(items: Sequence[Unlike]) -> Open:
     }
     if any(item.repeated for item in items):
         return Open(Verdict.UNCONTROLLED, {**evidence, "replicates": "a replicate of it has no such error"})
+    return Open(Verdict.UNTRACED, evidence)
+
+
+def _open_speeds(run: Inputs, own: Sequence[float]) -> Open:
+    """Say that a run does not fit, at speeds of its own: the law over the speed is as much in doubt as the run."""
+    shown = ", ".join(dict.fromkeys(f"{speed:.3g}" for speed in own))
+    evidence: dict[str, Json] = {
+        "procedure": run.procedure,
+        "run": run.run,
+        "speeds": list(own),
+        "unit": "rad/s",
+        "meaning": f"{run.run} does not fit with the other {run.procedure} runs, and was run at speeds of its own "
+        f"({shown} rad/s): what changes with the speed between theirs, or a condition that was not recorded; "
+        f"run a ladder of speeds, or repeat it at the speeds of the others",
+    }
     return Open(Verdict.UNTRACED, evidence)

@@ -96,6 +96,33 @@ def hotter(run: Run) -> Run:
     return replace(run, signals=signals)
 
 
+# -- speeds
+
+
+def with_friction(speed: float, level: float) -> Run:
+    """Turn at one speed, motor friction `level` (N*m)."""
+    return turning_run(f"at-{speed:g}", int(speed), speed=speed, motor_torque=level / 0.012)
+
+
+@pytest.mark.parametrize(("level", "told"), [(0.016, True), (0.012, False)])
+def test_friction_that_falls_between_the_speeds_that_were_fitted_is_no_wrong_experiment(
+    level: float, told: bool
+) -> None:
+    pairs = [replace(with_friction(v, 0.012), name=f"{v:g}-{k}") for v in (20.0, 22.0, 60.0) for k in "ab"]
+    between = with_friction(38.0, level)
+    result = trace([*pairs, between], dut(), LoopOptions(held_out=(between.name,)))
+    assert result.effects == ()
+    assert odd_runs(result) == []
+    speeds = [item for item in result.open if "speeds" in item.evidence]
+    assert bool(speeds) is told
+    for item in speeds:
+        assert item.evidence["run"] == between.name
+        assert np.allclose(np.array(item.evidence["speeds"], dtype=float), 38.0, rtol=1e-2)
+        assert item.next_experiment is not None
+        assert item.next_experiment.command.startswith("rig run free-run ")
+        assert "free-run.speeds=" in item.next_experiment.command
+
+
 # -- ranges
 
 
