@@ -32,40 +32,56 @@ def covariance(state: Fit) -> Floats:
     """Sandwich covariance (p, p) of the estimates: blocks of time are independent, samples inside need not be."""
     A = state.normal.A.sum(axis=0) + np.diag(state.prior)
     inverse = solve(A, np.eye(A.shape[0]))
-    scores = _independent_scores(state)
+    scores, variances = _independent(state, inverse)
     count = len(scores)
-    middle = scores.T @ scores
     freedom = max(count - A.shape[0], 1)
+    few = _of_few(variances)
+    seen = inverse @ (scores.T @ scores * (count / freedom)) @ inverse * np.outer(few, few)
     # the catalogue's scatter is part of what is not known
-    middle = middle * (count / freedom) + np.diag(state.prior) + _unsure_ripple(state) + _unsure_zeros(state)
-    found = inverse @ middle @ inverse
+    found = seen + inverse @ (np.diag(state.prior) + _unsure_ripple(state) + _unsure_zeros(state)) @ inverse
     widening = _between_conditions(state, inverse, np.diag(found))
     return np.asarray(found * np.outer(widening, widening))
 
 
-def _independent_scores(state: Fit) -> Floats:
-    """Give the scores (b, p) summed over what is independent: blocks of time, and of a play its legs.
+def _independent(state: Fit, inverse: Floats) -> tuple[Floats, Floats]:
+    """Give scores and variances of the estimates, summed over what is independent: blocks of time, of a play its legs.
 
-    By what noise moved the input of a play at a reversal, the whole leg behind it is wrong.
+    Each (b, p); the variances are those that white noise would leave. By what noise moved the input of a play at a
+    reversal, the whole leg behind it is wrong.
     """
     numbers, sums, count = [], [], state.block_count
-    for blocks, (scores, legs) in zip(state.blocks, state.linear.map(_scores_and_legs), strict=True):
+    for blocks, (both, legs) in zip(state.blocks, state.linear.map(_sums_and_legs, inverse), strict=True):
         numbers.append(blocks if legs is None else count + legs)
         count += 0 if legs is None else int(legs.max()) + 1
-        sums.append(scores)
+        sums.append(both)
     found, place = np.unique(np.concatenate(numbers), return_inverse=True)
-    summed = np.zeros((found.size, state.columns.size))
+    summed = np.zeros((found.size, 2 * state.columns.size))
     np.add.at(summed, place, np.concatenate(sums))
-    return summed
+    return summed[:, : state.columns.size], summed[:, state.columns.size :]
 
 
-def _scores_and_legs(item: LinearPiece) -> tuple[Floats, NDArray[np.intp] | None]:
-    """Give the scores of a piece's blocks and, where a play acts, on which leg between two reversals each begins."""
+def _sums_and_legs(item: LinearPiece, inverse: Floats) -> tuple[Floats, NDArray[np.intp] | None]:
+    """Give scores and variances of a piece's blocks (b, 2 p) and, if a play acts, on which of its legs each begins."""
+    both = np.hstack([block_scores(item), item.block_sums(item.weight * (item.jacobian @ inverse) ** 2)])
     play = item.evaluation.play
     if play is None:
-        return block_scores(item), None
+        return both, None
     turns = np.diff(np.sign(play.side[item.piece.index])) != 0.0
-    return block_scores(item), np.concatenate([[0], np.cumsum(turns)])[item.starts]
+    return both, np.concatenate([[0], np.cumsum(turns)])[item.starts]
+
+
+def _of_few(variances: Floats) -> Floats:
+    """Give the factors (p,) by which a scatter that few blocks tell of is to be widened, as Student's t does.
+
+    `variances` (b, p): what each block adds to the variance of each estimate. What is as unequal as they are counts as
+    (sum)**2 / (sum of squares) equal ones, and of as many the residual has taken one.
+    Source: Bell and McCaffrey, "Bias reduction in standard errors for linear regression with multi-stage samples",
+    Survey Methodology 28 (2002) 169-181: their freedom, with one mean for all regressors.
+    """
+    count = variances.sum(axis=0) ** 2 / np.maximum((variances**2).sum(axis=0), 1e-300)
+    freedom = np.maximum(count - 1.0, 1.0)
+    bias = np.sqrt((freedom + 1.0) / freedom)
+    return np.asarray(bias * student.ppf(0.975, freedom) / student.ppf(0.975, 1000))
 
 
 def _unsure_ripple(state: Fit) -> Floats:
