@@ -35,7 +35,7 @@ def covariance(state: Fit) -> Floats:
     scores, variances = _independent(state, inverse)
     count = len(scores)
     freedom = max(count - A.shape[0], 1)
-    few = _of_few(variances)
+    few = of_few(variances)
     seen = inverse @ (scores.T @ scores * (count / freedom)) @ inverse * np.outer(few, few)
     # the catalogue's scatter is part of what is not known
     found = seen + inverse @ (np.diag(state.prior) + _unsure_ripple(state) + _unsure_zeros(state)) @ inverse
@@ -70,7 +70,7 @@ def _sums_and_legs(item: LinearPiece, inverse: Floats) -> tuple[Floats, NDArray[
     return both, np.concatenate([[0], np.cumsum(turns)])[item.starts]
 
 
-def _of_few(variances: Floats) -> Floats:
+def of_few(variances: Floats) -> Floats:
     """Give the factors (p,) by which a scatter that few blocks tell of is to be widened, as Student's t does.
 
     `variances` (b, p): what each block adds to the variance of each estimate. What is as unequal as they are counts as

@@ -211,7 +211,7 @@ def _named(
     near |= _against_motion(ground, pick.trial, pick.proposal)
     if kind.effect in TWINS and abs(order - 1.0) < 0.5 * max(best.proposal.resolution, 0.01):
         near.add(TWINS[kind.effect])
-    if kind.effect == "kinematic-error" and not _angles_cover(ground):
+    if kind.effect in SINGLE_ANGLE_SET and not _angles_cover(ground):
         near |= set(SINGLE_ANGLE_SET)
     tried = [Candidate(peer.trial.label, peer.trial.gain, peer.p_value) for peer in peers]
     others_tried = [item.trial for item in shapes]

@@ -1,12 +1,13 @@
 """Effects of about the size of the noise, on campaigns in which something else imitates them."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from rig.loop.campaign import LoopOptions
-from rig.loop.result import LoopResult
+from rig.loop.result import LoopResult, Verdict
 from rig.loop.trace import trace
 from tests.challenge.cases import LEAN
 from tests.challenge.outside import acting
@@ -31,6 +32,14 @@ def test_a_small_modulation_of_the_stiffness_is_named_although_few_start_angles_
     order = result.steps[0].parameters["order"]
     assert order.ci95 is not None
     assert order.ci95[0] < 1.0 < order.ci95[1]
+
+
+def test_a_modulation_of_the_stiffness_seen_at_one_start_angle_is_a_set_with_what_looks_alike_there() -> None:
+    hidden = Effects(others=(term("stiffness-modulation", amplitude=4e-6, order=2.0, phase=0.7),))
+    plan = replace(LEAN, locked_angles=1, sweeps_per_angle=6, locked_pairs=2, free_runs=0, free_run_pairs=0)
+    (step,) = traced(hidden, plan, 46).steps
+    assert step.verdict is Verdict.AMBIGUOUS
+    assert {"stiffness-modulation", "kinematic-error"} <= set(step.members)
 
 
 @pytest.mark.timeout(300)
