@@ -114,14 +114,18 @@ def test_show_prints_what_the_log_holds(campaign):
     assert json.loads(rig("show", run.file, "--json").stdout)["samples"] == len(run.time)
 
 
-def aborted(path: Path) -> Path:
-    """Write a log whose run was aborted in the middle of a sweep."""
+def aborted(path: Path, ripple: float = 1e-4) -> Path:
+    """Write a log whose run was aborted in the middle of a sweep; the torque changes by `ripple`, N*m."""
     writer = LogWriter(path, {"run_id": "1", "procedure": "free-run"}, attachments={}, cycle_rate=1000, epoch_ns=0)
     for cycle in range(3000):
         angle = 0.02 * max(cycle - 500, 0)
         writer.write(
             Sample(
-                time=1e-3 * cycle, cycle=cycle, motor_position=angle, output_position=-angle / 100, motor_torque=0.01
+                time=1e-3 * cycle,
+                cycle=cycle,
+                motor_position=angle,
+                output_position=-angle / 100,
+                motor_torque=0.01 + ripple * (cycle % 3),
             )
         )
     writer.close({"status": "aborted", "error": "Aborted by SIGINT in 'sweep'. Reaction: ramp."})
@@ -234,6 +238,16 @@ def test_a_prediction_of_an_aborted_run_says_that_it_was_aborted(tmp_path):
     assert answer.exit_code == 0, answer.stderr
     assert f"! {told}" in answer.stderr.splitlines()
     assert json.loads(rig(*arguments, "--json").stdout)["warnings"] == [told]
+
+
+def test_a_prediction_takes_a_dead_channel_as_not_recorded_and_says_so(tmp_path):
+    base = ModelBase(model="zhang-2014", ratio=100.0, parameters={})
+    write_model(Model(schema="rig.model/1", dut=default_dut()[0], base=base, software="0"), tmp_path / "model.json")
+    dead = aborted(tmp_path / "a.mcap", ripple=0.0)
+    answer = rig("predict", tmp_path / "model.json", dead, "-o", tmp_path / "out")
+    assert answer.exit_code == 0, answer.stderr
+    assert "! a: motor_torque stood still while the drive moved, taken as not recorded." in answer.stderr.splitlines()
+    assert "motor_torque" not in (tmp_path / "out" / "a.csv").read_text().splitlines()[0]
 
 
 @pytest.mark.parametrize("kind", ["hdf5", "csv"])

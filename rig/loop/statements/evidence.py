@@ -116,7 +116,7 @@ def repeats(residuals: Sequence[Residual], dut: Dut, model: Model) -> Repeats | 
         allowance=allowance,
         own_slow=float(np.mean(slow)),
         noise=noise.square if noise.dwells else None,
-        odd=tuple(odd),
+        odd=tuple(dict.fromkeys(odd)),
         ljung_box=float(np.mean(boxes)),
     )
 
