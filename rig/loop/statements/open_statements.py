@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping, Sequence, Set
 import numpy as np
 
 from rig.config.dut import Dut
-from rig.loop.model.equations import Equation
+from rig.loop.model.equations import Equation, Law
 from rig.loop.model.parameters import flexspline_entries
 from rig.loop.model.prediction import Model
 from rig.loop.result import EquationResult, Json, Open, Verdict
@@ -19,7 +19,7 @@ from rig.loop.search.acceptance import LEAST_IMPROVED, LEAST_SHAPE_SHARE
 from rig.loop.search.decision import Selection
 from rig.loop.search.groups import LEAST_SLOPE, QUOTIENT
 from rig.loop.statements.channels import correlations
-from rig.loop.statements.colour import cleaned_away
+from rig.loop.statements.colour import cleaned_away, slow_noise
 from rig.loop.statements.events import Event, without_events
 from rig.loop.statements.evidence import Memory, Repeats, memory, repeats
 from rig.loop.statements.metrics import LEAST_DWELL, MEDIAN_TO_SIGMA, Residual, dwell_of, pairs, quantisation_square
@@ -39,6 +39,9 @@ SURE_OF_MANY = 1e-7
 
 ABOVE_FLOOR = 1.5
 """Times the upper end of the floor's interval beyond which what is left is no longer noise."""
+
+PLAYS = (Law.LOCKED, Law.BACKDRIVE)
+"""Laws in which a play carries one torque to the other."""
 
 MANY_COUNTS = 4
 """Counts of a step from which its error no longer tells a whole number."""
@@ -70,7 +73,7 @@ def open_statements(
     found += _worse(selection, equations)
     known = {(item.evidence.get("equation"), item.evidence.get("procedure")) for item in found}
     found += [
-        *_above_floor(calm[len(train) :], equations, known, model),
+        *_above_floor(calm[len(train) :], equations, known, dut, model),
         *_absorbed(selection, dut),
         *_slope(selection),
     ]
@@ -275,12 +278,14 @@ def _above_floor(
     residuals: Sequence[Residual],
     equations: Mapping[str, EquationResult],
     known: Set[tuple[Json, Json]],
+    dut: Dut,
     model: Model,
 ) -> list[Open]:
     """Report what is left far above the floor where no other statement does; `known`: (equation, procedure) there.
 
     Single outliers of a heavy-tailed noise are no structure: they count only as far as `OUTLIER`. Nor is what the
-    smoothing of a torque took away, or put in where it was wrong.
+    smoothing of a torque took away, or put in where it was wrong, nor what a play carries on of a noise that remembers:
+    one reversal that it moved shifts a whole leg, and a few replicates hold too few legs to show how far.
     """
     found = []
     for (name, procedure), members in _by_procedure(residuals).items():
@@ -289,7 +294,10 @@ def _above_floor(
         if errors is None or errors.floor_ci95 is None or known & {(name, procedure), (name, None)}:
             continue
         smoothed = np.concatenate([cleaned_away(residual, model) for residual in members])
-        left, high = _without_outliers(members), math.hypot(errors.floor_ci95[1], float(np.sqrt(np.mean(smoothed**2))))
+        taken = float(np.mean(smoothed**2))
+        if members[0].piece.law in PLAYS:
+            taken = max(taken, slow_noise(members, dut, model).square)
+        left, high = _without_outliers(members), math.hypot(errors.floor_ci95[1], math.sqrt(taken))
         if left > ABOVE_FLOOR * high:
             evidence: dict[str, Json] = {
                 "equation": name,
