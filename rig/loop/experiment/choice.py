@@ -7,13 +7,17 @@ worth nothing; so a short run that suffices beats a long one that says more.
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
+
+import numpy as np
 
 from rig.config.dut import Dut
 from rig.loop.experiment.menu import Offer
-from rig.loop.experiment.rivals import Contest, rival_of
+from rig.loop.experiment.rivals import Contest, Rival, rival_of
 from rig.loop.experiment.separation import Coming, Forecast, apart, forecast, noise_to_come
+from rig.loop.fitting.normal import Kind, Noise
+from sim_backend.errors import ModelError
 
 LEAST_SQUARES = 25.0
 """Squares (five standard deviations) that a run must hold against a rival, however little there was to explain."""
@@ -66,13 +70,26 @@ def choose(found: Contest, plans: Sequence[Plan], dut: Dut, never: Set[frozenset
     best: tuple[float, Choice] | None = None
     for plan in plans:
         noise = noise_to_come(found.without, [item.piece for item in plan.coming], dut)
-        nothing = forecast(rival_of("", found.without), plan.coming, noise)
-        said = {rival.effect: forecast(rival, plan.coming, noise) for rival in rivals}
+        said = _forecasts((*rivals, rival_of("", found.without)), plan, noise)
+        nothing = said.pop("", None)
+        if nothing is None:
+            continue
         for repeat in REPEATS:
             judged = _judged(found, plan.offer, repeat, said, nothing, never)
             if judged is not None and (best is None or judged[0] > best[0] * (1.0 + 1e-9)):
                 best = judged
     return None if best is None else best[1]
+
+
+def _forecasts(rivals: Iterable[Rival], plan: Plan, noise: Mapping[Kind, Noise]) -> dict[str, Forecast]:
+    """Give what each rival says of a planned run; of one with which no drive could go through it nothing."""
+    found = {}
+    for rival in rivals:
+        try:
+            found[rival.effect] = forecast(rival, plan.coming, noise)
+        except (ModelError, np.linalg.LinAlgError):  # beyond what was recorded it runs away
+            continue
+    return found
 
 
 def _judged(
