@@ -54,10 +54,6 @@ KNOWN_SPEED = 1.5
 LOOKED_AT_ONCE = 0.1
 """Work of a run that is held out, as a share of that of one that is fitted."""
 
-LEAK = 1.31
-"""Times the half width of the floor's 95 % interval: that of 99 %. At 95 %, one campaign in a hundred or so was refused
-by chance."""
-
 MANY_BLOCKS = 200
 """Blocks of time that a short campaign is cut into."""
 
@@ -137,7 +133,8 @@ def _traced(
         "held_out": [pair for pair in pairs if pair.after.piece.track.name not in names],
     }
     wrong = wrong_experiments(train, held_out, [pair.calm for pair in pairs], dut, final.model)
-    equations = _without_leaks(_equations(sides, dut, final.model, wrong.runs), campaign.held_out)
+    equations = _equations(sides, dut, final.model, wrong.runs)
+    _refuse_leaks(equations, campaign.held_out)
     changes = {
         name: (item.held_out.rms_before, item.held_out.rms_after)
         for name, item in equations.items()
@@ -396,28 +393,19 @@ def _errors_of(pairs: Sequence[_BeforeAfter], known: Sequence[Residual], dut: Du
     return replace(whole, by_procedure=by_procedure)
 
 
-def _without_leaks(equations: Mapping[str, EquationResult], held_out: Sequence[Run]) -> dict[str, EquationResult]:
-    """Give the equations, the floor's interval of each from no higher than what was reached, which noise must allow.
-
-    Raises DataError where the held-out error lies so far below the floor that chance is excluded with 99 %.
-    """
-    found = {}
+def _refuse_leaks(equations: dict[str, EquationResult], held_out: Sequence[Run]) -> None:
+    """Raise DataError where the held-out error lies below what noise alone leaves."""
     for name, item in equations.items():
-        errors = item.held_out
-        if errors is not None and errors.floor is not None and errors.floor_ci95 is not None:
-            low, high = errors.floor_ci95
-            if errors.rms_after < errors.floor - LEAK * (errors.floor - low):
-                raise DataError(
-                    ", ".join(run.name for run in held_out),
-                    f"the held-out error of {name} after the fit is {errors.rms_after:.4g} {item.unit}, below the "
-                    f"floor of the instruments {low:.4g} to {high:.4g} {item.unit}",
-                    value=errors.rms_after,
-                    expected="an error not below what noise alone leaves",
-                    hint="A channel that is predicted may leak into a regressor, or replicates are not replicates.",
-                )
-            errors = replace(errors, floor_ci95=(min(low, errors.rms_after), high))
-        found[name] = replace(item, held_out=errors)
-    return found
+        found = item.held_out
+        if found is not None and found.floor_ci95 is not None and found.rms_after < found.floor_ci95[0]:
+            raise DataError(
+                ", ".join(run.name for run in held_out),
+                f"the held-out error of {name} after the fit is {found.rms_after:.4g} {item.unit}, below the floor "
+                f"of the instruments {found.floor_ci95[0]:.4g} to {found.floor_ci95[1]:.4g} {item.unit}",
+                value=found.rms_after,
+                expected="an error not below what noise alone leaves",
+                hint="A channel that is predicted may leak into a regressor, or replicates are not replicates.",
+            )
 
 
 def _views(

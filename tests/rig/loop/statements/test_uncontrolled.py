@@ -84,33 +84,21 @@ def test_events_without_a_replicate_are_still_told_and_what_is_missing_with_them
     assert all(item.next_experiment.command.endswith("--repeat 2") for item in told)
 
 
-def leaking(made, monkeypatch, share):
-    """Let a channel that is predicted leak into a regressor: of the held-out motor torques' noise `share` is left."""
-    out = held_out(made)
-
-    def knowing(piece, model, judge=None):
-        found = residual_of(piece, model, judge)
-        knows = piece.track.name in out and piece.equation.value == "motor-torque"
-        return replace(found, values=share * found.values) if knows else found
-
-    monkeypatch.setattr("rig.loop.trace.residual_of", knowing)
-    return trace([as_run(item) for item in made], dut(), LoopOptions(held_out=out))
-
-
 @pytest.mark.parametrize("noise", [NoiseKind.WHITE, NoiseKind.AR1])
 def test_a_model_that_knows_noise_of_runs_it_has_not_seen_is_refused(noise, monkeypatch):
+    """A channel that is predicted leaks into a regressor: of the noise of the held-out torques 60 % are left."""
+    made = recorded(22, noise)
+    out = held_out(made)
+
+    def leaking(piece, model, judge=None):
+        found = residual_of(piece, model, judge)
+        knows = piece.track.name in out and piece.equation.value == "motor-torque"
+        return replace(found, values=0.6 * found.values) if knows else found
+
+    monkeypatch.setattr("rig.loop.trace.residual_of", leaking)
     with pytest.raises(DataError, match=r"error of motor-torque after the fit is .* below the floor") as refused:
-        leaking(recorded(22, noise), monkeypatch, 0.6)
+        trace([as_run(item) for item in made], dut(), LoopOptions(held_out=out))
     assert "leak" in str(refused.value)
-
-
-def test_an_error_below_the_floor_by_no_more_than_chance_is_no_leak_and_bounds_the_floor(monkeypatch):
-    made = recorded(22, NoiseKind.WHITE)
-    usual = leaking(made, monkeypatch, 1.0).equations["motor-torque"].held_out
-    wanted = usual.floor - 1.15 * (usual.floor - usual.floor_ci95[0])
-    found = leaking(made, monkeypatch, wanted / usual.rms_after).equations["motor-torque"].held_out
-    assert found.rms_after == pytest.approx(wanted, rel=1e-6)
-    assert found.floor_ci95 == (found.rms_after, pytest.approx(usual.floor_ci95[1]))
 
 
 @pytest.mark.parametrize("noise", list(NoiseKind))
