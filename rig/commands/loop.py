@@ -21,7 +21,7 @@ from rig.loop.files.views_file import VIEWS_NAME, write_views
 from rig.loop.plot import plot_loop
 from rig.loop.predict import write_predictions
 from rig.loop.result import RESULT_NAME, LoopResult
-from rig.loop.signals.living import living
+from rig.loop.signals.living import without_dead
 from rig.loop.table import headline, remaining_table, statements, table_of, text_of
 from rig.loop.trace import trace
 from rig.stages import Stages
@@ -97,9 +97,9 @@ def predict_command(model_file: Path, paths: tuple[Path, ...], out: Path, as_jso
         stage("reading the logs")
         runs = load_runs(paths)
         stage(f"predicting {counted(len(runs), 'run')}")
-        alive, dead = living(runs)
-        written = write_predictions(alive, model, out)
-    warnings = (*endings(runs), *dead)
+        living = [without_dead(run) for run in runs]
+        written = write_predictions([run for run, _ in living], model, out)
+    warnings = (*endings(runs), *(warning for _, warning in living if warning))
     if as_json:
         residuals = [{"run": one.run, **asdict(item)} for one in written for item in one.remaining]
         emit({"files": [str(one.file) for one in written], "residuals": residuals, "warnings": list(warnings)})

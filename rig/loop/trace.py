@@ -142,7 +142,7 @@ def _traced(
     }
     steps = steps_of(selection.decisions, final, base, dut, changes)
     entries = [decision.kind.enters for decision in selection.decisions]
-    fitting = {side: [pair for pair in pairs if _run(pair) not in wrong.runs] for side, pairs in sides.items()}
+    fitting = {side: [pair for pair in pairs if _run(pair) not in wrong.told] for side, pairs in sides.items()}
     judged = _equations(fitting, dut, final.model, wrong.runs)
     left = [pair.events for side in ("train", "held_out") for pair in fitting[side]]
     still_open = open_statements(selection, _after(fitting["train"]), _after(fitting["held_out"]), left, judged, dut)

@@ -165,7 +165,7 @@ def _of_open(
     if item.group:
         return NextExperiment(_too_little(item.group), "")
     if "speeds" in item.evidence:
-        return _survey("free-run", bench, "See what changes with the speed between those that were run: vary")
+        return _survey("free-run", bench, "Something changes between the speeds that were run: vary")
     if "odd_runs" in item.evidence:
         return _odd_again(item, runs, bench)
     repeating = float(str(item.evidence.get("replicate_pairs") or 0)) > 0

@@ -39,8 +39,8 @@ ANGLES = ("motor_position", "output_position")
 """Signals that lines may follow."""
 
 TURNING_LOAD = "turning_load"
-"""Name of the size of the output torque, 0 in a backdrive, whose motor is held: what makes a drag, and no friction that
-a held mesh has as well."""
+"""Name of the size of the output torque, 0 where the motor is held, as in a backdrive: what makes a drag, and no
+friction that a held mesh has as well."""
 
 UNNAMED = "unnamed:"
 _TIMES = ", times "

@@ -22,6 +22,8 @@ def with_hums(track: Track, lines: Sequence[Line]) -> Track:
         [line.order for line in lines if line.kind.variable == "time" and line.kind.entry is entry]
         for entry in (Entry.MOTOR, Entry.OUTPUT)
     )
+    if not motor and not output:
+        return track
     return replace(
         track,
         M=_with_lost(track, track.M, track.motor_torque, motor),
@@ -37,8 +39,11 @@ def _with_lost(
     """Add to a `smoothed` torque (n * fine,) the sines (Hz) that it lost of what was `recorded` (n,), N*m."""
     if smoothed is None or recorded is None or not frequencies or not track.usable.any():
         return smoothed
-    angles = 2.0 * np.pi * np.outer(track.time, frequencies)
+    fine = smoothed.size // track.size
+    offsets = track.period * ((np.arange(fine) + 0.5) / fine - 0.5)
+    angles = 2.0 * np.pi * np.outer((track.time[:, None] + offsets).ravel(), frequencies)
     sines = np.hstack([np.sin(angles), np.cos(angles)])
-    lost = recorded - smoothed.reshape(track.size, -1).mean(axis=1)
-    amplitudes = np.linalg.lstsq(sines[track.usable], lost[track.usable], rcond=None)[0]
-    return np.asarray(smoothed + np.repeat(sines @ amplitudes, smoothed.size // track.size))
+    means = sines.reshape(track.size, fine, -1).mean(axis=1)
+    lost = recorded - smoothed.reshape(track.size, fine).mean(axis=1)
+    amplitudes = np.linalg.lstsq(means[track.usable], lost[track.usable], rcond=None)[0]
+    return np.asarray(smoothed + sines @ amplitudes)

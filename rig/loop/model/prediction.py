@@ -96,7 +96,7 @@ class Model:
 
 def predict(piece: Piece, model: Model) -> Evaluation:
     """Evaluate the model for the piece's equation at every sample of its track."""
-    track = with_hums(piece.track, model.lines) if model.lines else piece.track
+    track = with_hums(piece.track, model.lines)
     match piece.law:
         case Law.TORSION:
             return _torsion(track, model)
@@ -134,8 +134,8 @@ def _signals(
     found["locked"] = np.full(track.size, float(track.procedure is ProcedureName.LOCKED_OUTPUT))
     found["motor_velocity"] = track.speed
     found["base_friction"] = np.abs(model.value("T_c")) + np.abs(model.value("b") * track.speed)
-    # in a backdrive the motor is held
-    found["turning"] = np.full(track.size, float(track.moves or track.procedure is not ProcedureName.BACKDRIVE))
+    # a sweep of the locked output winds the motor on; in a backdrive and at rest it is held
+    found["turning"] = np.full(track.size, float(track.moves or track.procedure is ProcedureName.LOCKED_OUTPUT))
     if track.swept_torque is not None:
         found[SWEPT_TORQUE] = track.swept_torque
     if M is not None:

@@ -20,8 +20,9 @@ LARGE_SHARE = 0.1
 LEAST_IMPROVED = 0.6
 """Share of the runs carrying the term that must be predicted better from the others."""
 
-CHANGED = 0.2
-"""Share of the mean change of a run's squares from which on a term counts as acting in the run."""
+CHANGED, FEWEST_CHANGED = 0.2, 2
+"""Share of the mean change of a run's squares from which on a term counts as acting in the run, and runs in which it
+must."""
 
 MOST_CLASSES = 3
 """Different terms that are added at most."""
@@ -66,4 +67,6 @@ def pays_jointly(before: Fit, joint: Fit) -> bool:
     without = null.normal.leave_one_out(null.prior, null.pull)
     left = joint.normal.leave_one_out(joint.prior, joint.pull)
     changed = np.abs(left - without) >= CHANGED * np.mean(np.abs(left - without))
-    return bool(left.sum() < without.sum() and np.mean(left[changed] < without[changed]) >= LEAST_IMPROVED)
+    if changed.sum() < FEWEST_CHANGED or left.sum() >= without.sum():
+        return False
+    return bool(np.mean(left[changed] < without[changed]) >= LEAST_IMPROVED)

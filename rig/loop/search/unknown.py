@@ -23,7 +23,6 @@ from rig.loop.search.acceptance import (
     LARGE_SHARE,
     LEAST_CURVE_SHARE,
     LEAST_SHAPE_SHARE,
-    LEAST_SHARE,
     MOST_CLASSES,
     objection,
     pays_jointly,
@@ -32,7 +31,7 @@ from rig.loop.search.acceptance import (
 from rig.loop.search.contenders import by_joint_fit
 from rig.loop.search.decision import Decision
 from rig.loop.search.shape_trials import Scales, ShapeTrial, scales_of, shape_of, sized
-from rig.loop.search.trial import Ground, consistent_shape, prepare, try_columns, try_line
+from rig.loop.search.trial import Ground, consistent_shape, prepare, try_columns
 from rig.loop.workers.held import Held
 from sim_backend.model.effects import Enters
 
@@ -88,8 +87,10 @@ MOST_TOLD = 8
 """Curves that are told as candidates."""
 
 NEARLY = 0.9
-"""Share of the best gain from which on, of a curve's choices of knots, the one that pays most is taken, and from which
-on a curve is tried beside the best two."""
+"""Share of the best gain of a curve's choices of knots from which on the choice that pays most is taken."""
+
+BESIDE = 0.9
+"""Share of the best gain from which on a curve is tried even if two others explain more."""
 
 
 def curves(ground: Ground, scales: Scales) -> list[ShapeTerm]:
@@ -132,10 +133,10 @@ def _kinds(samples: Mapping[str, Floats]) -> Iterator[tuple[Enters, str, Form, s
     known = samples.keys()
     other = [name for name in known if name not in MODELLED]
     torsion = [("output_torque", form) for form in (Form.CURVE, Form.PLAY, Form.PEAK, Form.LAG, Form.RATE)]
-    torsion += [("motor_velocity", form) for form in (Form.CURVE, Form.LAG, Form.RATE)]
+    torsion += [("motor_velocity", form) for form in (Form.CURVE, Form.LAG)]
     if {"output_torque", "motor_position"} <= known:
         yield Enters.TORSION, "motor_position", Form.WAVE, "output_torque"
-    motor = [("motor_velocity", form) for form in (Form.CURVE, Form.LAG, Form.RATE)]
+    motor = [("motor_velocity", form) for form in (Form.CURVE, Form.LAG)]
     motor += [("output_torque", form) for form in (Form.CURVE, Form.PLAY)]
     friction = [("output_torque", form) for form in (Form.CURVE, Form.RATE, Form.PEAK)]
     friction += [("motor_velocity", form) for form in (Form.CURVE, Form.LAG)]
@@ -265,22 +266,7 @@ def unnamed(
             if not _still_needed(pieces.few, current, here, alpha):
                 shapes = tuple(x for x in current.model.shapes if x is not here)
                 current = refit(pieces, current, replace(current.model, shapes=shapes))
-        current = _without_superfluous_lines(pieces, current, alpha)
     return current, decisions
-
-
-def _without_superfluous_lines(pieces: Material, current: Fit, alpha: float) -> Fit:
-    """Take out the lines that would not be added beside the curves that were."""
-    for line in sorted(current.model.lines, key=lambda line: line.amplitude):
-        # each refit moves the orders a little
-        here = min((x for x in current.model.lines if x.kind == line.kind), key=lambda x: abs(x.order - line.order))
-        others = tuple(x for x in current.model.lines if x is not here)
-        without = _with(pieces.all, current, replace(current.model, lines=others))
-        trial = try_line(prepare(without), here.kind, here.order)
-        share = trial.share_of(Equation.TORSION) if here.kind.is_angle else trial.share
-        if trial.single_p > alpha or share < LEAST_SHARE or unpaid_by(trial):
-            current = refit(pieces, current, without.model)
-    return current
 
 
 def _of_curve(best: ShapeTrial, p_value: float, tried: Sequence[ShapeTrial]) -> Decision:
@@ -304,12 +290,12 @@ def _best_curve(
         return None
     whole = prepare(current)
     ranked = by_joint_fit(pieces.few, sparse, fresh, alpha)
-    for candidate in (x for k, x in enumerate(ranked) if k < 2 or x.trial.gain > NEARLY * ranked[0].trial.gain):
-        term, p_value = candidate.term, min(1.0, candidate.trial.single_p * candidate.tests)
-        first = try_columns(whole, term.effect.id, shape_of(term), ridge=RIDGE)
+    for contender in (x for k, x in enumerate(ranked) if k < 2 or x.trial.gain > BESIDE * ranked[0].trial.gain):
+        first = try_columns(whole, contender.term.effect.id, shape_of(contender.term), ridge=RIDGE)
         if objection(first.share, LEAST_CURVE_SHARE, room=True):
             continue
-        joint = refit(pieces, current, replace(current.model, shapes=(*current.model.shapes, term)))
+        candidate, joint = _with_best_knots(pieces, current, contender, every)
+        term, p_value = candidate.term, min(1.0, candidate.trial.single_p * candidate.tests)
         # what settles after a change of speed lies in few long blocks; now it is known what it leaves
         again = prepare(with_noise(current, joint.noise, SHORTEST_BLOCK))
         second = try_columns(again, term.effect.id, shape_of(term), ridge=RIDGE)
@@ -317,32 +303,38 @@ def _best_curve(
         if p_value > alpha or objection(second.share, LEAST_CURVE_SHARE, room=True):
             continue
         if pays_jointly(current, joint) and consistent_shape(joint, len(joint.model.shapes) - 1):
-            best, joint = _with_best_knots(pieces, current, joint, candidate, every)
-            return best, joint, p_value, trials
+            return candidate, joint, p_value, trials
     return None
 
 
 def _with_best_knots(
-    pieces: Material, before: Fit, joint: Fit, candidate: ShapeTrial, every: Sequence[ShapeTrial]
+    pieces: Material, before: Fit, contender: ShapeTrial, every: Sequence[ShapeTrial]
 ) -> tuple[ShapeTrial, Fit]:
-    """Give the joint fit with those knots of the candidate that predict best the runs that are left out.
+    """Give the contender with those knots that predict best the runs that are left out, and the joint fit with it.
 
     Where few samples hold a knot, a curve with fewer of them foretells more. `every`: all choices of knots.
     """
-    best, least = (candidate, joint), _left_out(joint)
+
+    def with_it(item: ShapeTrial) -> Fit:
+        return refit(pieces, before, replace(before.model, shapes=(*before.model.shapes, item.term)))
+
+    best, joint = contender, with_it(contender)
+    noise, least = joint.noise, _left_out(joint)
     for other in every:
-        if not _differ_in_knots(other.term, candidate.term):
+        if not _differ_in_knots(other.term, contender.term):
             continue
-        fitted = refit(pieces, before, replace(before.model, shapes=(*before.model.shapes, other.term)))
-        left = _left_out(with_noise(fitted, joint.noise))
+        fitted = with_it(other)
+        left = _left_out(with_noise(fitted, noise))
         if left < least:
-            best, least = (other, fitted), left
-    return best
+            best, joint, least = other, fitted, left
+    return best, joint
 
 
 def _differ_in_knots(one: ShapeTerm, other: ShapeTerm) -> bool:
+    """Whether both are the same curve through other knots."""
     curves = [x.effect for x in (one, other) if isinstance(x.effect, Curve) and x.effect.form is Form.CURVE]
-    return len({curve.knots for curve in curves}) == 2 and len({replace(x, knots=0, zero=-1) for x in curves}) == 1
+    alike = {replace(curve, knots=0, zero=-1) for curve in curves}
+    return len(curves) == 2 and len(alike) == 1 and one.values[: curves[0].knots] != other.values[: curves[1].knots]
 
 
 def _left_out(joint: Fit) -> float:

@@ -53,11 +53,18 @@ def living(runs: Sequence[Run]) -> tuple[tuple[Run, ...], tuple[str, ...]]:
                 f"it: the run is left out. Repeat it."
             )
             continue
-        kept.append(_without(run, lost))
-        if lost:
-            text = f"{run.name}: {_and(lost)} stood still while the drive moved, taken as not recorded."
-            warnings.append(text)
+        run, warning = without_dead(run)
+        kept.append(run)
+        warnings += [warning] if warning else []
     return tuple(kept), tuple(warnings)
+
+
+def without_dead(run: Run) -> tuple[Run, str]:
+    """Give a run without its dead channels, and a warning that names them ("" without any); one at rest stays."""
+    lost = _dead(run)
+    if not lost:
+        return run, ""
+    return _without(run, lost), f"{run.name}: {_and(lost)} stood still while the drive moved, taken as not recorded."
 
 
 def _dead(run: Run) -> tuple[str, ...] | None:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from rig.config.dut import Dut
 from rig.loop.model.equations import Law, Piece, target_of
+from rig.loop.model.hum import with_hums
 from rig.loop.model.prediction import Model
 from rig.loop.signals.counts import count_of
 from rig.loop.statements.metrics import Residual, dwell_of
@@ -151,7 +152,7 @@ class _Input:
 
 def _inputs(piece: Piece, model: Model) -> dict[str, _Input]:
     """Give the torques that enter the prediction of a piece, by signal."""
-    track, ratio, found = piece.track, model.ratio or 1.0, {}
+    track, ratio, found = with_hums(piece.track, model.lines), model.ratio or 1.0, {}
     load = track.swept_torque if track.moves and track.swept_torque is not None else track.T
     if track.output_torque is not None and load is not None:
         weight = {

@@ -7,7 +7,7 @@ error is not had something else that nobody recorded: another load or pose, as a
 
 import math
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from rig.loop.model.equations import Equation
 from rig.loop.model.prediction import Model
 from rig.loop.result import Json, Open, Verdict
 from rig.loop.signals.tracks import Track
-from rig.loop.statements.colour import slow_noise, slow_square
+from rig.loop.statements.colour import rows_of, slow_noise, slow_square
 from rig.loop.statements.metrics import Residual
 
 Floats = NDArray[np.float64]
@@ -50,6 +50,9 @@ LEAST_PART = 0.5
 
 OTHER_SPEED = 0.15
 """Relative distance from the nearest speed of another run from which on a leg had a speed of its own."""
+
+LEG_DIGITS, SAME_LEG = 6, 2e-6
+"""Decimals of rad/s to which the speed of a leg is told, and by how much two of one leg may then differ, rad/s."""
 
 FEWEST_OTHERS = 2
 """Runs with which one is compared; of two nobody knows which is the odd one."""
@@ -89,9 +92,10 @@ class Unlike:
 
 @dataclass(frozen=True, slots=True)
 class WrongExperiments:
-    """What is said of such runs, and the names of those whose error says nothing of the model."""
+    """What is said of such runs, `told` all of them; `runs`: those whose error says nothing of the model."""
 
     runs: frozenset[str]
+    told: frozenset[str]
     open: tuple[Open, ...]
     warnings: tuple[str, ...]
 
@@ -108,12 +112,12 @@ class Range:
 
 @dataclass(frozen=True, slots=True)
 class Inputs:
-    """What went into one run: ranges by signal, and the sizes of its legs' speeds, rad/s."""
+    """What went into one run: ranges by signal, and by velocity the sizes of its legs' speeds, rad/s."""
 
     run: str
     procedure: str
     ranges: Mapping[str, Range]
-    speeds: tuple[float, ...] = ()
+    speeds: Mapping[str, tuple[float, ...]]
 
 
 def wrong_experiments(
@@ -123,27 +127,35 @@ def wrong_experiments(
     fitted, others = [inputs_of(track) for track in train], [inputs_of(track) for track in held_out]
     everyone = {item.run: item for item in (*fitted, *others)}
     beyond = {item.run: outside(item, fitted) for item in others}
-    found: list[Unlike] = []
-    interpolated: dict[str, tuple[float, ...]] = {}
+    odd: list[tuple[Unlike, Residual]] = []
     worse: set[str] = set()
     groups: dict[tuple[str, str], list[Residual]] = {}
     for residual in residuals:
         groups.setdefault((residual.piece.equation.value, residual.piece.track.procedure.value), []).append(residual)
     for members in groups.values():
         errors = [_error(residual, dut, model) for residual in members]
-        odd = unlike(errors)
-        rest = [item for name, item in everyone.items() if name not in {one.run for one in odd}]
-        within = [item for item in odd if not beyond.get(item.run) and not outside(everyone[item.run], rest)]
-        interpolated |= {item.run: own for item in within if (own := own_speeds(everyone[item.run], rest))}
-        found += [item for item in within if item.run not in interpolated]
+        by_run = {residual.piece.track.name: residual for residual in members}
+        odd += [(item, by_run[item.run]) for item in unlike(errors)]
         worse |= _worse([error for error in errors if beyond.get(error.run)], errors, {item.run for item in fitted})
+    rest = [item for name, item in everyone.items() if name not in {one.run for one, _ in odd}]
+    found: list[Unlike] = []
+    statements = []
+    for run in dict.fromkeys(one.run for one, _ in odd):
+        if beyond.get(run) or outside(everyone[run], rest):
+            continue
+        mine = [(one, residual) for one, residual in odd if one.run == run]
+        own = own_speeds(everyone[run], rest)
+        items = [one for one, _ in mine]
+        if own and all(_fits_elsewhere(one, residual, own, dut, model) for one, residual in mine):
+            statements.append(_open_speeds(items, own))
+        else:
+            found += items
+            statements.append(_open(items))
     return WrongExperiments(
-        frozenset([*worse, *(item.run for item in found)]),
-        (
-            *(_open([item for item in found if item.run == run]) for run in dict.fromkeys(one.run for one in found)),
-            *(_open_speeds(everyone[run], own) for run, own in interpolated.items()),
-        ),
-        tuple(_said(item, item.run in worse) for items in beyond.values() for item in items),
+        runs=frozenset([*worse, *(item.run for item in found)]),
+        told=frozenset([*worse, *(str(item.evidence["run"]) for item in statements)]),
+        open=tuple(statements),
+        warnings=tuple(_said(item, item.run in worse) for items in beyond.values() for item in items),
     )
 
 
@@ -168,10 +180,21 @@ def outside(run: Inputs, others: Sequence[Inputs]) -> tuple[Outside, ...]:
 
 def own_speeds(run: Inputs, others: Sequence[Inputs]) -> tuple[float, ...]:
     """Give the speeds of a run's legs, rad/s, that no other run of its procedure comes near."""
-    known = [speed for other in others if other.procedure == run.procedure for speed in other.speeds]
-    if not known:
-        return ()
-    return tuple(v for v in run.speeds if min(abs(v - speed) for speed in known) > OTHER_SPEED * v)
+    found: list[float] = []
+    for name, own in run.speeds.items():
+        known = [v for other in others if other.procedure == run.procedure for v in other.speeds.get(name, ())]
+        found += [v for v in own if known and min(abs(v - speed) for speed in known) > OTHER_SPEED * v]
+    return tuple(found)
+
+
+def _fits_elsewhere(item: Unlike, residual: Residual, own: Sequence[float], dut: Dut, model: Model) -> bool:
+    """Whether a run that does not fit does so only on the legs at speeds of its `own`, rad/s."""
+    size = np.abs(residual.piece.track.speed[rows_of(residual)])
+    kept = ~np.any(np.abs(size[:, None] - np.asarray(own)) <= SAME_LEG, axis=1)
+    if not kept.any():
+        return True
+    error = _error(replace(residual, time=residual.time[kept], values=residual.values[kept]), dut, model)
+    return error.slow <= UNLIKE * item.typical or not error.stands_out
 
 
 SCALED = ("N*m", "rad/s")
@@ -259,8 +282,8 @@ def inputs_of(track: Track) -> Inputs:
         for name, values in known.items()
         if values is not None and use.any()
     }
-    speeds = np.unique(np.abs(track.speed[use])) if track.moves else np.zeros(0)
-    return Inputs(track.name, track.procedure.value, ranges, tuple(speeds.tolist()))
+    legs = np.unique(np.abs(track.speed[use]).round(LEG_DIGITS)) if track.moves else np.zeros(0)
+    return Inputs(track.name, track.procedure.value, ranges, {turns: tuple(legs.tolist())})
 
 
 def _range(values: Floats, unit: str) -> Range:
@@ -302,15 +325,17 @@ def _open(items: Sequence[Unlike]) -> Open:
     return Open(Verdict.UNTRACED, evidence)
 
 
-def _open_speeds(run: Inputs, own: Sequence[float]) -> Open:
+def _open_speeds(items: Sequence[Unlike], own: Sequence[float]) -> Open:
     """Say that a run does not fit, at speeds of its own: the law over the speed is as much in doubt as the run."""
+    run, procedure = items[0].run, items[0].procedure
     shown = ", ".join(dict.fromkeys(f"{speed:.3g}" for speed in own))
     evidence: dict[str, Json] = {
-        "procedure": run.procedure,
-        "run": run.run,
+        "equation": ", ".join(item.equation for item in items),
+        "procedure": procedure,
+        "run": run,
         "speeds": list(own),
         "unit": "rad/s",
-        "meaning": f"{run.run} does not fit with the other {run.procedure} runs, and was run at speeds of its own "
+        "meaning": f"{run} does not fit with the other {procedure} runs, and was run at speeds of its own "
         f"({shown} rad/s): what changes with the speed between theirs, or a condition that was not recorded; "
         f"run a ladder of speeds, or repeat it at the speeds of the others",
     }

@@ -15,10 +15,14 @@ from drivers.errors import ConfigError, DataError
 from rig.log.run import ProcedureName, Run
 from rig.loop.campaign import LoopOptions
 from rig.loop.files.model_storage import load_model, write_model
-from rig.loop.model.curves import SHAPES, WITHOUT_KNOTS, Curve, Form, basis, curve_of, mirrored, zero_of
+from rig.loop.model.curves import SHAPES, TURNING_LOAD, WITHOUT_KNOTS, Curve, Form, basis, curve_of, mirrored, zero_of
+from rig.loop.model.equations import pieces_of
+from rig.loop.model.prediction import Model, predict
 from rig.loop.predict import predict_run
 from rig.loop.result import LoopResult, Verdict
-from rig.loop.trace import trace
+from rig.loop.signals.tracks import make_track
+from rig.loop.trace import start_model, trace
+from sim_backend.model.compliance import Compliance
 from sim_backend.model.effects import Enters, Shape
 from tests.independent.campaign import Campaign, Plan
 from tests.rig.loop.runs import dut, runs_of
@@ -28,6 +32,10 @@ STEP = 0.01
 TIME = np.arange(0.0, 40.0, STEP)
 TORQUE = 10.0 * np.sin(0.4 * TIME) + 3.0 * np.sin(1.1 * TIME)
 SIGNALS = {"output_torque": TORQUE, "temperature": 20.0 + TIME, "motor_position": 3.0 * TIME}
+
+
+def start() -> Model:
+    return start_model(dut(), 100.0, Compliance.ARCTAN, None)
 
 
 def curve(form: Form, at: tuple[float, ...] = (), variable: str = "output_torque", factor: str = "") -> Curve:
@@ -58,6 +66,19 @@ def test_a_curve_times_a_factor_is_multiplied_and_a_friction_by_its_size() -> No
     assert np.allclose(basis(times, at, SIGNALS, STEP), plain * TORQUE[:, None])
     friction = replace(times, enters=Enters.FRICTION)
     assert np.allclose(basis(friction, at, SIGNALS, STEP), plain * np.abs(TORQUE)[:, None])
+
+
+def test_a_level_of_friction_times_the_load_while_turning_is_nothing_where_the_motor_is_held() -> None:
+    runs, _ = runs_of(Campaign(3, plan=SMALL, rate=100.0))
+    law = Curve(Enters.FRICTION, "temperature", Form.CURVE, TURNING_LOAD, 2)
+    for run in runs:
+        track = make_track(run, dut())
+        warm = replace(track, auxiliary={"temperature": np.full(track.size, 30.0)})
+        for piece in pieces_of(warm, 100.0):
+            signals = predict(piece, start()).signals
+            (added,) = basis(law, (20.0, 40.0), signals, track.step)[:, :1].T
+            held = run.procedure is ProcedureName.BACKDRIVE
+            assert np.allclose(added, 0.0 if held else 0.5 * np.abs(signals["output_torque"]))
 
 
 def test_a_rate_is_the_derivative_and_its_size() -> None:

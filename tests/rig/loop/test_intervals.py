@@ -27,4 +27,4 @@ def test_a_mean_over_few_unequal_blocks_is_covered_as_often_as_told(blocks: int,
         told += abs(mean) <= spread * of_few(size[:, None])[0]
         plain += abs(mean) <= spread
     assert 0.94 < told / draws < 0.98
-    assert plain < told
+    assert plain / draws < (0.945 if blocks == 30 else 0.92)  # as many as normal intervals of so few hold

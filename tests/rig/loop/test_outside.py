@@ -14,7 +14,7 @@ from rig.loop.campaign import LoopOptions
 from rig.loop.model.hum import with_hums
 from rig.loop.model.terms import Entry, Line, TermClass
 from rig.loop.result import LoopResult, Verdict
-from rig.loop.signals.tracks import Track, make_track
+from rig.loop.signals.tracks import Track, make_track, thin_track
 from rig.loop.trace import trace
 from sim_backend.model.effects import Shape
 from tests.independent.campaign import Campaign, Plan
@@ -137,4 +137,10 @@ def test_a_hum_that_smoothing_took_from_a_swept_torque_is_given_back(noise: floa
         assert abs(missing(after)) <= abs(missing(before)) + 1e-12
     assert abs(missing(track.play_drive)) > 0.2  # a mean over 0.2 s takes a third of it, a polyline all
     assert again.T is track.T
+    coarse = thin_track(track, 0.1)
+    found = with_hums(coarse, (line,)).play_drive
+    assert found is not None
+    fine = np.sin(2.0 * np.pi * HERTZ * track.time[: found.size])
+    left = 2.0 * np.mean((true[: found.size] - found) * fine) / SIZE
+    assert abs(left) < 0.03 + 3.0 * noise / SIZE * np.sqrt(2.0 / track.size)
     assert with_hums(track, ()).M is track.M

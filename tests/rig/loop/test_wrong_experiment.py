@@ -104,23 +104,51 @@ def with_friction(speed: float, level: float) -> Run:
     return turning_run(f"at-{speed:g}", int(speed), speed=speed, motor_torque=level / 0.012)
 
 
+def fitted_at(*speeds: float) -> list[Run]:
+    """Turn twice at each of the speeds, as replicates with noise of their own."""
+    return [
+        replace(turning_run(f"{v:g}-{k}", 2 * int(v) + n, speed=v), replicate=f"{v:g}")
+        for v in speeds
+        for n, k in enumerate("ab")
+    ]
+
+
 @pytest.mark.parametrize(("level", "told"), [(0.016, True), (0.012, False)])
 def test_friction_that_falls_between_the_speeds_that_were_fitted_is_no_wrong_experiment(
     level: float, told: bool
 ) -> None:
-    pairs = [replace(with_friction(v, 0.012), name=f"{v:g}-{k}") for v in (20.0, 22.0, 60.0) for k in "ab"]
+    pairs = fitted_at(20.0, 22.0, 60.0)
     between = with_friction(38.0, level)
     result = trace([*pairs, between], dut(), LoopOptions(held_out=(between.name,)))
     assert result.effects == ()
     assert odd_runs(result) == []
-    speeds = [item for item in result.open if "speeds" in item.evidence]
-    assert bool(speeds) is told
-    for item in speeds:
-        assert item.evidence["run"] == between.name
-        assert np.allclose(np.array(item.evidence["speeds"], dtype=float), 38.0, rtol=1e-2)
+    assert [item.evidence["run"] for item in result.open if "speeds" in item.evidence] == [between.name] * told
+    assert len(result.open) == told  # it is said once
+    for item in result.open:
+        assert np.array(item.evidence["speeds"], dtype=float) == pytest.approx([38.0], rel=1e-2)
         assert item.next_experiment is not None
         assert item.next_experiment.command.startswith("rig run free-run ")
         assert "free-run.speeds=" in item.next_experiment.command
+
+
+def test_a_leg_at_a_speed_of_its_own_does_not_excuse_a_load_on_all_the_others() -> None:
+    both = [joined(turning_run("a", 1), turning_run("b", 2, speed=60.0), name, k) for k, name in enumerate("cdef")]
+    odd = joined(with_friction(20.0, 0.016), with_friction(38.0, 0.016), "odd", 9)
+    result = trace([*both, odd], dut(), LoopOptions(held_out=("odd",)))
+    assert odd_runs(result) == ["odd"]
+    assert not any("speeds" in item.evidence for item in result.open)
+
+
+def joined(one: Run, other: Run, name: str, seed: int) -> Run:
+    """Run one after the other, the noise of the motor torque drawn anew."""
+    rng = np.random.default_rng(seed)
+    time = np.concatenate([one.time, one.time[-1] + 0.01 + other.time])
+    signals = {}
+    for signal, values in one.signals.items():
+        start = values[-1] if signal.endswith("position") else 0.0
+        signals[signal] = np.concatenate([values, start + other.signals[signal]])
+    signals["motor_torque"] = signals["motor_torque"] + 2e-4 * rng.standard_normal(time.size)
+    return replace(one, name=name, time=time, signals=signals)
 
 
 # -- ranges
