@@ -12,9 +12,9 @@ from drivers.errors import ConfigError, Mistake
 from drivers.spelling import did_you_mean
 from rig.config.dut import Dut, load_dut
 from rig.config.toml_file import parse_toml
-from rig.log.load import READERS, load_runs
+from rig.log.load import MOST_SAMPLES, READERS, load_runs
 from rig.log.names import writable_folder
-from rig.log.run import Run, endings
+from rig.log.run import Run, endings, shortenings
 from rig.loop.campaign import LoopOptions
 from rig.loop.files.model_storage import MODEL_NAME, load_model, write_model
 from rig.loop.files.views_file import VIEWS_NAME, write_views
@@ -75,7 +75,7 @@ def _traced(
     paths: tuple[Path, ...], options: LoopCommand, law: Compliance | None, stage: Callable[[str], None]
 ) -> LoopResult:
     stage("reading the logs")
-    runs = load_runs(paths)
+    runs = load_runs(paths, MOST_SAMPLES)
     base = load_model(options.base) if options.base is not None else None
     dut = load_dut(options.dut)[0] if options.dut is not None else base.dut if base is not None else dut_of(runs)
     how = LoopOptions(options.held_out, options.alpha, options.seed, base, law, options.scheduler)
@@ -95,11 +95,11 @@ def predict_command(model_file: Path, paths: tuple[Path, ...], out: Path, as_jso
     model = load_model(model_file)
     with Stages(RealClock()) as stage:
         stage("reading the logs")
-        runs = load_runs(paths)
+        runs = load_runs(paths, MOST_SAMPLES)
         stage(f"predicting {counted(len(runs), 'run')}")
         living = [without_dead(run) for run in runs]
         written = write_predictions([run for run, _ in living], model, out)
-    warnings = (*endings(runs), *(warning for _, warning in living if warning))
+    warnings = (*endings(runs), *shortenings(runs), *(warning for _, warning in living if warning))
     if as_json:
         residuals = [{"run": one.run, **asdict(item)} for one in written for item in one.remaining]
         emit({"files": [str(one.file) for one in written], "residuals": residuals, "warnings": list(warnings)})

@@ -6,7 +6,7 @@ from pathlib import Path
 from drivers.errors import ConfigError, DataError, Mistake
 from rig.config.dut import Dut
 from rig.config.toml_file import parse_toml
-from rig.log.load import READERS, load_runs, logs_in
+from rig.log.load import MOST_SAMPLES, READERS, load_runs, logs_in
 from rig.log.names import safe_name, writable_folder
 from rig.log.run import Run
 from rig.provenance import software_version
@@ -48,7 +48,7 @@ def _text(path: Path) -> str:
     if is_loop(path):
         return loop_page(read_loop(path), software_version())
     if path.is_file() or logs_in(path):
-        return run_page([(run, _dut(run)) for run in load_runs([path])], software_version())
+        return run_page([(run, _dut(run)) for run in load_runs([path], MOST_SAMPLES)], software_version())
     what = "there is neither a loop.json nor a log in it" if path.is_dir() else "there is no such file or folder"
     raise DataError(
         str(path),

@@ -3,7 +3,9 @@
 import csv
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import date, datetime, time
 from pathlib import Path
 from typing import Annotated
@@ -16,8 +18,9 @@ from drivers.signals import BY_NAME, INTEGER_SIGNALS, TIME
 from drivers.spelling import near_names
 from rig.config.toml_file import FileModel, Number, parse_toml, plain_value, read_text
 from rig.log.names import plain_name
+from rig.log.rows import Rows
 from rig.log.run import Floats, ProcedureName, Run
-from rig.log.text_table import MISSING, read_text_table
+from rig.log.text_table import MISSING, TextTable, read_text_table, text_tables
 from rig.log.timeline import constant_columns, make_run
 from rig.log.units import find_unit, spellings, to_si
 
@@ -52,49 +55,90 @@ class RunFacts(FileModel):
         return {key: str(value) if isinstance(value, str) else _plain_text(value) for key, value in stated.items()}
 
 
-def read_csv(path: Path) -> Run:
+def read_csv(path: Path, most_samples: int | None = None) -> Run:
     """Give the run in a contract CSV and its sidecar.
 
     A column with a contract name needs a unit of the right kind and becomes SI; any other column is kept as an
-    auxiliary signal with its unit as written. Raises DataError with column and row, ConfigError for the sidecar.
+    auxiliary signal with its unit as written. `most_samples`: of a log with more samples means over samples are kept,
+    see `Run.averaged`; None: all is kept. Raises DataError with column and row, ConfigError for the sidecar.
     """
-    table = read_text_table(path)
-    warnings: list[str] = []
-    time: Floats | None = None
-    signals: dict[str, Floats] = {}
-    auxiliary: dict[str, Floats] = {}
-    units: dict[str, str] = {}
-    for index, header in enumerate(table.names):
+    rows = Rows(path, most_samples)
+    missing: Counter[str] = Counter()
+    parts: list[tuple[int, TextTable]] = []
+    heads: tuple[_Head, ...] = ()
+    for table in [read_text_table(path)] if most_samples is None else text_tables(path):
+        heads = heads or _heads(path, table.names)
+        columns = _si_columns(path, heads, table)
+        parts.append((rows.count, replace(table, values=table.values[:0])))
+        missing.update(missing_in(columns))
+        rows.add(columns.pop(TIME.name), columns)
+
+    def row_of(index: int) -> int:
+        first, part = next(item for item in reversed(parts) if item[0] <= index * rows.averaged)
+        return part.row_of(index * rows.averaged - first)
+
+    time, columns = rows.finish()
+    units = {head.name: head.unit or "" for head in heads if head.auxiliary}
+    warnings = [note for head in heads if head.auxiliary for note in near_miss_signal(split_header(head.header)[0])]
+    warnings.extend(column_warnings(columns, missing, rows.count))
+    sidecar = path.with_suffix(".toml")
+    facts = read_facts(sidecar) if sidecar.is_file() else RunFacts()
+    warnings.extend(near_miss_facts(facts))
+    return make_run(
+        path,
+        time,
+        {head.name: columns[head.name] for head in heads if head.name in columns and not head.auxiliary},
+        {name: columns[name] for name in units},
+        units,
+        facts.metadata(),
+        warnings=warnings,
+        row_of=row_of,
+        averaged=rows.averaged,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Head:
+    """One column: its header, the name of its signal and the unit as written, None where none is."""
+
+    header: str
+    name: str
+    unit: str | None
+    auxiliary: bool
+
+
+def _heads(path: Path, headers: Sequence[str]) -> tuple[_Head, ...]:
+    """Say what every column is. Raises DataError where a name stands twice, or none is the time."""
+    heads: list[_Head] = []
+    for header in headers:
         name, unit = split_header(header)
-        column = np.ascontiguousarray(table.values[:, index])
-        if name == TIME.name:
-            _refuse_second(path, header, time is not None)
-            time = contract_column(path, name, unit, column)
-            missing = np.flatnonzero(np.isnan(time))
-            if len(missing):
-                raise DataError(str(path), f"time is {MISSING}", column=header, row=table.row_of(int(missing[0])))
-        elif name in BY_NAME:
-            _refuse_second(path, header, name in signals)
-            signals[name] = contract_column(path, name, unit, column)
-        else:
-            _refuse_second(path, header, header in table.names[:index])
-            plain = plain_name(name, {*BY_NAME, *auxiliary})
-            auxiliary[plain], units[plain] = column, unit or ""
-            warnings.extend(near_miss_signal(name))
-    if time is None:
+        auxiliary = name != TIME.name and name not in BY_NAME
+        if any(header == head.header if auxiliary else name == head.name for head in heads):
+            raise DataError(str(path), "the column is there twice", column=header, row=1, hint="Rename or remove one.")
+        taken = {*BY_NAME, *(head.name for head in heads if head.auxiliary)}
+        heads.append(_Head(header, plain_name(name, taken) if auxiliary else name, unit, auxiliary))
+    if all(head.name != TIME.name for head in heads):
         raise DataError(
             str(path),
-            f"there is no time column among {list(table.names)[:8]}",
+            f"there is no time column among {list(headers)[:8]}",
             column="time",
             expected="a column time[s]",
             hint="Rename the column, or bring a foreign log in with rig import --map.",
         )
-    refuse_overflow(path, {TIME.name: time, **signals}, table.row_of)
-    warnings.extend(column_warnings(signals | auxiliary))
-    sidecar = path.with_suffix(".toml")
-    facts = read_facts(sidecar) if sidecar.is_file() else RunFacts()
-    warnings.extend(near_miss_facts(facts))
-    return make_run(path, time, signals, auxiliary, units, facts.metadata(), warnings=warnings, row_of=table.row_of)
+    return tuple(heads)
+
+
+def _si_columns(path: Path, heads: Sequence[_Head], table: TextTable) -> dict[str, Floats]:
+    """Give the columns of a table by name, those of the contract in SI. Raises DataError with column and row."""
+    columns: dict[str, Floats] = {}
+    for index, head in enumerate(heads):
+        column = np.ascontiguousarray(table.values[:, index])
+        columns[head.name] = column if head.auxiliary else contract_column(path, head.name, head.unit, column)
+        missing = np.flatnonzero(np.isnan(column))
+        if head.name == TIME.name and len(missing):
+            raise DataError(str(path), f"time is {MISSING}", column=head.header, row=table.row_of(int(missing[0])))
+    refuse_overflow(path, {head.name: columns[head.name] for head in heads if not head.auxiliary}, table.row_of)
+    return columns
 
 
 def write_csv(run: Run, path: Path) -> None:
@@ -159,16 +203,18 @@ def refuse_overflow(path: Path, columns: Mapping[str, Floats], row_of: Callable[
             )
 
 
-def column_warnings(columns: Mapping[str, Floats]) -> list[str]:
-    """Tell of columns, shape (n,), that never change, and of samples at which a signal is missing."""
+def missing_in(columns: Mapping[str, Floats]) -> dict[str, int]:
+    """Count the samples at which each column, shape (n,), is missing."""
+    return {name: int(np.isnan(column).sum()) for name, column in columns.items()}
+
+
+def column_warnings(columns: Mapping[str, Floats], missing: Mapping[str, int], samples: int) -> list[str]:
+    """Tell of columns, shape (n,), that never change, and of those `missing` at some of the `samples` of the file."""
     notes = []
     constant = constant_columns(columns)
     if constant:
         notes.append(f"constant over the whole log: {', '.join(constant)}")
-    for name, column in columns.items():
-        missing = int(np.isnan(column).sum())
-        if missing:
-            notes.append(f"{name} is missing in {missing} of {len(column)} samples")
+    notes.extend(f"{name} is missing in {missing[name]} of {samples} samples" for name in columns if missing[name])
     return notes
 
 
@@ -194,11 +240,6 @@ def near_miss_signal(name: str) -> list[str]:
         return [f"column '{name}' is kept as auxiliary, since it states no unit; write {name}[{BY_NAME[name].unit}]"]
     close = near_names(name, [TIME.name, *BY_NAME], NEAR_SIGNAL)
     return [f"column '{name}' is kept as auxiliary; if '{close[0]}' was meant, correct the spelling"] if close else []
-
-
-def _refuse_second(path: Path, header: str, seen: bool) -> None:
-    if seen:
-        raise DataError(str(path), "the column is there twice", column=header, row=1, hint="Rename or remove one.")
 
 
 def _cells(name: str, column: Floats) -> list[str]:

@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 from drivers.errors import DataError
 from drivers.signals import AUXILIARY_PREFIX, BY_NAME, INTEGER_SIGNALS, TIME
 from drivers.types import Sample
-from rig.log.csv_file import column_warnings, contract_column, near_miss_signal, refuse_overflow, split_header
+from rig.log.csv_file import (
+    column_warnings,
+    contract_column,
+    missing_in,
+    near_miss_signal,
+    refuse_overflow,
+    split_header,
+)
 from rig.log.foreign import ForeignTable, read_foreign
 from rig.log.mapping import MAX_BLOCKS, ImportMap, SignalMap, Split, load_map
 from rig.log.mcap_reader import IMPORT_WARNINGS
@@ -85,7 +92,8 @@ def read_recording(file: Path, rules: ImportMap) -> Run:
     _refuse_other_length(file, time, signals, rules)
     for name in [name for name, column in auxiliary.items() if len(column) != len(time)]:
         warnings.append(f"column '{name}' left out: {len(auxiliary.pop(name))} values, time has {len(time)}")
-    warnings.extend(column_warnings(signals | auxiliary))
+    found = signals | auxiliary
+    warnings.extend(column_warnings(found, missing_in(found), len(time)))
     run = make_run(
         file,
         time,

@@ -13,6 +13,8 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from drivers.errors import DataError
 from drivers.signals import AUXILIARY_PREFIX, BY_FIELD, BY_NAME
 from rig.log.mcap_records import (
+    MAX_STREAMED_BYTES,
+    MAX_TOTAL_BYTES,
     RECORD_HEAD,
     Damage,
     RawChunk,
@@ -22,6 +24,7 @@ from rig.log.mcap_records import (
     read_pieces,
 )
 from rig.log.names import plain_name
+from rig.log.rows import Rows
 from rig.log.run import Floats, Run, RunEvent
 from rig.log.schema import (
     EMERGENCY_TYPE,
@@ -63,12 +66,14 @@ class LogContent:
     damages: list[Damage] = field(default_factory=list)
 
 
-def read_mcap(path: Path) -> Run:
+def read_mcap(path: Path, most_samples: int | None = None) -> Run:
     """Give the run in an MCAP log; one that was cut off is read as far as it goes, with `complete` False.
 
+    `most_samples`: of a log with more samples means over samples are kept, see `Run.averaged`; None: all is kept.
     Raises DataError if the file is no MCAP, has no `/rig/sample`, or would need too much memory.
     """
     samples: dict[int, Columns] = {}
+    rows = Rows(path, most_samples)
     others: list[tuple[Channel, int, bytes]] = []
 
     def take(channel: Channel, records: bytes, stride: int) -> None:
@@ -78,11 +83,11 @@ def read_mcap(path: Path) -> Run:
                 others.append((channel, log_time, records[start + MESSAGE_HEAD : start + stride]))
             return
         if channel.id not in samples:
-            samples[channel.id] = _columns(content, channel)
+            samples[channel.id] = _columns(content, channel, rows)
         samples[channel.id].add(records, stride)
 
     content = LogContent(path)
-    read_content(content, take)
+    read_content(content, take, MAX_TOTAL_BYTES if most_samples is None else MAX_STREAMED_BYTES)
     if "run" not in content.metadata and not any(
         channel.topic == SAMPLE_TOPIC for channel in content.channels.values()
     ):
@@ -95,13 +100,15 @@ def read_mcap(path: Path) -> Run:
         )
     if len(samples) > 1:
         raise DataError(str(path), f"the log has {len(samples)} channels {SAMPLE_TOPIC}", expected="one run per file")
-    return _run(content, next(iter(samples.values()), None), others)
+    return _run(content, next(iter(samples.values()), None), rows, others)
 
 
-def read_content(content: LogContent, take: Callable[[Channel, bytes, int], None]) -> None:
+def read_content(
+    content: LogContent, take: Callable[[Channel, bytes, int], None], most_bytes: int = MAX_TOTAL_BYTES
+) -> None:
     """Fill `content` from its file; hand message records to `take` as (channel, records, bytes per record)."""
     with open_mapped(content.path) as file:
-        for piece in read_pieces(file, content.path):
+        for piece in read_pieces(file, content.path, most_bytes):
             match piece:
                 case RawChunk():
                     _read_chunk(content, piece.data, take)
@@ -166,7 +173,7 @@ def _keep(content: LogContent, record: Schema | Channel | Metadata | Attachment)
             content.attachments[record.name] = record.data
 
 
-def _columns(content: LogContent, channel: Channel) -> Columns:
+def _columns(content: LogContent, channel: Channel, rows: Rows) -> Columns:
     schema = content.schemas.get(channel.schema_id)
     if schema is None or channel.message_encoding != "protobuf":
         raise DataError(
@@ -176,12 +183,12 @@ def _columns(content: LogContent, channel: Channel) -> Columns:
             expected="protobuf with a schema",
         )
     try:
-        return Columns(schema.data, schema.name)
+        return Columns(schema.data, schema.name, rows)
     except ValueError as error:
         raise DataError(str(content.path), str(error)) from error
 
 
-def _run(content: LogContent, samples: Columns | None, others: list[tuple[Channel, int, bytes]]) -> Run:
+def _run(content: LogContent, samples: Columns | None, rows: Rows, others: list[tuple[Channel, int, bytes]]) -> Run:
     log_times, fields = samples.finish() if samples else (np.empty(0, dtype=np.int64), {})
     metadata = dict(content.metadata.get("run", {}))
     first = int(log_times[0]) if len(log_times) else _epoch(metadata)
@@ -215,6 +222,7 @@ def _run(content: LogContent, samples: Columns | None, others: list[tuple[Channe
         bench_text=_text(content.attachments, "bench.toml"),
         complete=not content.damages and content.metadata.get("recovered", {}).get("complete", "true") == "true",
         warnings=_warnings(content, samples.unreadable if samples else 0),
+        averaged=rows.averaged,
     )
 
 

@@ -33,7 +33,10 @@ MAX_CHUNK_BYTES = 64 * 1024 * 1024
 """Largest decompressed chunk: a hundred times what common writers make."""
 
 MAX_TOTAL_BYTES = 4 * 1024**3
-"""Largest sum of decompressed chunks: about 7 hours of 13 signals at 1 kHz."""
+"""Largest sum of decompressed chunks of a log that is kept whole: about 7 hours of 13 signals at 1 kHz."""
+
+MAX_STREAMED_BYTES = 256 * 1024**3
+"""The same of a log of which means are kept; it bounds the time that a small file can take."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,10 +77,10 @@ def open_mapped(path: Path) -> Iterator[mmap.mmap]:
         raise DataError(str(path), f"the log cannot be read: {error.strerror or error}") from error
 
 
-def read_pieces(file: mmap.mmap, path: Path) -> Iterator[Piece]:
+def read_pieces(file: mmap.mmap, path: Path, most_bytes: int) -> Iterator[Piece]:
     """Give every readable record of the data section in file order, and Damage where one is not readable.
 
-    Raises DataError where a chunk asks for more memory than MAX_CHUNK_BYTES, all together for MAX_TOTAL_BYTES.
+    Raises DataError where a chunk asks for more memory than MAX_CHUNK_BYTES, all together for more than `most_bytes`.
     """
     position, total, ended = len(MAGIC), 0, False
     zstd = zstandard.ZstdDecompressor()
@@ -96,8 +99,8 @@ def read_pieces(file: mmap.mmap, path: Path) -> Iterator[Piece]:
             piece = _chunk(file[start:position], path, zstd)
             if isinstance(piece, RawChunk):
                 total += len(piece.data)
-                if total > MAX_TOTAL_BYTES:
-                    raise DataError(str(path), f"the log is larger than {MAX_TOTAL_BYTES} bytes when decompressed")
+                if total > most_bytes:
+                    raise DataError(str(path), f"the log is larger than {most_bytes} bytes when decompressed")
             yield piece
         else:
             try:

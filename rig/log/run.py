@@ -63,6 +63,7 @@ class Run:
     which more than 5 nominal periods are missing. `metadata`: plain text facts (run id, operator, ...).
     `dut_text`, `bench_text`: the attached files as written, "" where there are none.
     `complete`: False if the log was cut off; an aborted run whose log was closed is complete, see `ending`.
+    `averaged`: samples of the log of which each sample here is the mean; 1 unless the log was too large to be kept.
     """
 
     name: str
@@ -81,6 +82,7 @@ class Run:
     bench_text: str = ""
     complete: bool = True
     warnings: tuple[str, ...] = ()
+    averaged: int = 1
 
     @property
     def status(self) -> str | None:
@@ -104,6 +106,16 @@ class Run:
             return f"the run {how}"
         first = self.reason.split(". ")[0].rstrip(".")
         return f"the run {how} ({shortened(first, LONGEST_REASON)})"
+
+
+def shortenings(runs: Iterable[Run]) -> tuple[str, ...]:
+    """Give one warning for every run of whose log means are used."""
+    return tuple(
+        f"{run.name}: the log is too large to be kept whole; every {run.averaged} samples in turn are replaced by "
+        f"their mean, {len(run.time)} in all. What repeats within some {4 * run.averaged} samples shows weaker."
+        for run in runs
+        if run.averaged > 1
+    )
 
 
 def endings(runs: Iterable[Run]) -> tuple[str, ...]:

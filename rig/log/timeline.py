@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import DataError
-from drivers.signals import INTEGER_SIGNALS
+from drivers.signals import INTEGER_SIGNALS, TIME
 from rig.log.run import Floats, ProcedureName, Run, RunEvent
 from rig.terminal import counted
 
@@ -39,12 +40,14 @@ def make_run(
     complete: bool = True,
     warnings: Sequence[str] = (),
     row_of: Callable[[int], int] = lambda index: index + 1,
+    averaged: int = 1,
 ) -> Run:
     """Give the run for columns of shape (n,) whose `time` (s) may start anywhere and may contain equal stamps.
 
     `metadata` keys `procedure`, `replicate` and `start_angle` fill the fields of that name. `row_of` maps a sample's
-    index to the row that an error names. Raises DataError where time decreases, repeats itself nearly throughout or
-    is too long, and where a count or status word is no whole number of its range.
+    index to the row that an error names. `averaged`: samples of the log of which each of these is the mean. Raises
+    DataError where time decreases, repeats itself nearly throughout or is too long, and where a count or status word
+    is no whole number of its range.
     """
     check_order(time, file, row_of)
     _check_length(time, file, row_of)
@@ -57,8 +60,8 @@ def make_run(
     if groups is not None:
         count = len(time) - len(merged_time)
         notes.append(f"{counted(count, 'sample')} with the time stamp of the one before merged by mean")
-        signals = {name: _merge(name, column, groups) for name, column in signals.items()}
-        auxiliary = {name: _merge(name, column, groups) for name, column in auxiliary.items()}
+        signals = {name: means(name, column, groups) for name, column in signals.items()}
+        auxiliary = {name: means(name, column, groups) for name, column in auxiliary.items()}
     if not len(time):
         notes.append("the log holds no sample")
     start = merged_time[0] if len(merged_time) else 0.0
@@ -85,6 +88,21 @@ def make_run(
         bench_text=bench_text,
         complete=complete,
         warnings=tuple(notes),
+        averaged=averaged,
+    )
+
+
+def averaged(run: Run) -> Run:
+    """Replace every two samples in turn of a run by their mean."""
+    starts = np.arange(0, len(run.time), 2)
+    time = means(TIME.name, run.time, starts)
+    return replace(
+        run,
+        time=time,
+        signals=MappingProxyType({name: means(name, column, starts) for name, column in run.signals.items()}),
+        auxiliary=MappingProxyType({name: means(name, column, starts) for name, column in run.auxiliary.items()}),
+        gaps=find_gaps(time),
+        averaged=2 * run.averaged,
     )
 
 
@@ -182,7 +200,11 @@ def _group_equal(time: Floats) -> tuple[Floats, Indices | None]:
     return time[starts], starts
 
 
-def _merge(name: str, column: Floats, starts: Indices) -> Floats:
+def means(name: str, column: Floats, starts: Indices) -> Floats:
+    """Give the means of a signal (n,) over the samples from each of `starts` to the next; the last of what is counted.
+
+    A missing value (NaN) is left out of its mean.
+    """
     if name in INTEGER_SIGNALS:
         # the mean of two status words is no status word: the last one counts
         last: Floats = column[np.append(starts[1:], len(column)) - 1]

@@ -11,6 +11,7 @@ from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import DecodeError, Message
 from numpy.typing import NDArray
 
+from rig.log.rows import Rows
 from rig.log.run import Floats
 from rig.log.schema import message_class
 
@@ -61,7 +62,7 @@ class _Pending:
 
 @dataclass(frozen=True, slots=True)
 class _Block:
-    """Decoded records: their places in the log, their log times (ns) and columns, all of shape (n,)."""
+    """Decoded records: their places among those that waited, their log times (ns) and columns, all of shape (n,)."""
 
     places: NDArray[np.intp]
     times: NDArray[np.int64]
@@ -71,8 +72,8 @@ class _Block:
 class Columns:
     """Collects message records of one channel and gives its fields as columns."""
 
-    def __init__(self, schema: bytes, type_name: str) -> None:
-        """Take the channel's schema; raises ValueError if it is broken or lacks the type."""
+    def __init__(self, schema: bytes, type_name: str, rows: Rows) -> None:
+        """Take the channel's schema and where the rows go; raises ValueError if the schema lacks the type."""
         try:
             self._message: type[Message] = message_class(schema, type_name)
         except (KeyError, TypeError, DecodeError, ValueError) as error:
@@ -82,10 +83,10 @@ class Columns:
         ]
         self._fields = {item.number: item for item in numeric}
         self._names = frozenset(item.name for item in numeric)
+        self._rows = rows
         self._pending: dict[int, _Pending] = {}
         self._pending_bytes = 0
         self._count = 0
-        self._blocks: list[_Block] = []
         self.unreadable = 0
         """Messages that could not be decoded."""
 
@@ -107,32 +108,35 @@ class Columns:
     def finish(self) -> tuple[NDArray[np.int64], dict[str, Floats]]:
         """Give log times (ns, shape (n,)) and each field that occurred, shape (n,), NaN where it was absent."""
         self._decode_pending()
-        times = np.zeros(self._count, dtype=np.int64)
-        decoded = np.zeros(self._count, dtype=np.bool_)
-        for block in self._blocks:
-            times[block.places] = block.times
-            decoded[block.places] = True
+        times, columns = self._rows.finish()
         order = [item.name for item in sorted(self._fields.values(), key=lambda item: item.number)]
-        columns: dict[str, Floats] = {}
-        for name in order:
-            blocks = [block for block in self._blocks if name in block.columns]
-            if blocks:
-                column = np.full(self._count, np.nan)
-                for block in blocks:
-                    column[block.places] = block.columns.pop(name)
-                columns[name] = column if self.unreadable == 0 else column[decoded]
-        return times[decoded], columns
+        return times.astype(np.int64), {name: columns[name] for name in order if name in columns}
 
     def _decode_pending(self) -> None:
+        """Hand all records that wait on as rows, in the order in which they came."""
+        blocks = []
         for stride, pending in self._pending.items():
             data = b"".join(pending.records)
             counts = np.array(pending.counts)
             before = np.cumsum(counts) - counts
             places = np.repeat(np.array(pending.starts) - before, counts) + np.arange(len(data) // stride)
-            self._decode(data, stride, places)
+            blocks.append(self._decode(data, stride, places))
         self._pending, self._pending_bytes = {}, 0
+        times = np.zeros(self._count, dtype=np.int64)
+        decoded = np.zeros(self._count, dtype=np.bool_)
+        columns: dict[str, Floats] = {}
+        for block in blocks:
+            times[block.places] = block.times
+            decoded[block.places] = True
+            for name, values in block.columns.items():
+                columns.setdefault(name, np.full(self._count, np.nan))[block.places] = values
+        self._count = 0
+        if decoded.all():
+            self._rows.add(times, columns)
+        else:
+            self._rows.add(times[decoded], {name: column[decoded] for name, column in columns.items()})
 
-    def _decode(self, data: bytes, stride: int, places: NDArray[np.intp]) -> None:
+    def _decode(self, data: bytes, stride: int, places: NDArray[np.intp]) -> _Block:
         layout = self._layout(data[:stride])
         if layout is not None:
             rows = np.frombuffer(data, dtype=np.uint8).reshape(-1, stride)
@@ -140,9 +144,8 @@ class Columns:
             if bool(np.all(tags == tags[0])):
                 table = np.frombuffer(data, dtype=layout.record)
                 columns = {name: table[name].astype(np.float64) for name in layout.names}
-                self._blocks.append(_Block(places, table["log_time"].astype(np.int64), columns))
-                return
-        self._decode_one_by_one(data, stride, places)
+                return _Block(places, table["log_time"].astype(np.int64), columns)
+        return self._decode_one_by_one(data, stride, places)
 
     def _layout(self, record: bytes) -> _Layout | None:
         """Give the layout of a record, None if it has a field of variable size, an unknown one, or one twice."""
@@ -168,7 +171,7 @@ class Columns:
         kind = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": len(record)})
         return _Layout(kind, np.array(tags), tuple(names[1:]))
 
-    def _decode_one_by_one(self, data: bytes, stride: int, places: NDArray[np.intp]) -> None:
+    def _decode_one_by_one(self, data: bytes, stride: int, places: NDArray[np.intp]) -> _Block:
         kept: list[int] = []
         times: list[int] = []
         rows: list[dict[str, float]] = []
@@ -185,7 +188,7 @@ class Columns:
         for index, row in enumerate(rows):
             for name, value in row.items():
                 columns[name][index] = value
-        self._blocks.append(_Block(places[kept], np.array(times, dtype=np.uint64).astype(np.int64), columns))
+        return _Block(places[kept], np.array(times, dtype=np.uint64).astype(np.int64), columns)
 
 
 def _varint(data: bytes, position: int) -> tuple[int, int]:

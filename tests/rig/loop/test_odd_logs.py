@@ -7,6 +7,7 @@ import pytest
 
 from drivers.errors import DataError
 from rig.log.run import Run
+from rig.log.timeline import averaged
 from rig.loop.campaign import LoopOptions
 from rig.loop.result import LoopResult, Verdict
 from rig.loop.trace import trace
@@ -38,6 +39,14 @@ def test_two_encoders_show_a_kinematic_error_and_the_sweeps_stay_untraced(torque
     # the windup of a sweep whose motor torque was not recorded is structure that nothing here explains
     assert result.verdict is Verdict.UNTRACED
     assert {item.evidence.get("procedure") for item in result.open} >= {"locked-output"}
+
+
+def test_a_campaign_of_which_means_are_kept_is_traced_and_says_so() -> None:
+    runs, held_out = runs_of(Campaign(5, effects=KINEMATIC, plan=SMALL, rate=200.0))
+    result = trace([averaged(run) for run in runs], dut(), LoopOptions(held_out=held_out))
+    assert result.effects == ("kinematic-error",)
+    assert result.steps[0].parameters["amplitude"].value == pytest.approx(1e-4, rel=0.02)
+    assert sum("every 2 samples" in text for text in result.warnings) == len(runs)
 
 
 def test_a_backdrive_without_motor_torque_is_not_taken_for_a_moving_output() -> None:
