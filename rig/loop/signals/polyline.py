@@ -61,6 +61,9 @@ PASSES, PRUNINGS, SPLITS = 5, 30, 4
 LEAST_GAP, CLOSE = 2.0, 20.0
 """Samples between knots at least, and below which two of them may share one corner."""
 
+FAR = 3.0
+"""Standard deviations beyond which a sample counts no more against a corner: a few such drew a second knot to them."""
+
 RIDGE = 1e-10
 
 ROUNDS = 3
@@ -183,13 +186,14 @@ def _pruned(values: Floats, knots: Floats, noise: Floats, memory: float) -> Poly
 
 
 def _joined(values: Floats, found: Polyline, variance: Floats) -> Polyline:
-    """Put one knot where the lines on either side of a close pair about meet, wherever that serves as well.
+    """Put one knot for a close pair, or none for several close ones, wherever that serves as well.
 
-    Two knots that share a corner hold each other in place, and each is needed as long as the other stays.
+    Two knots that share a corner hold each other in place, and each is needed as long as the other stays. So do three
+    around a few samples that lie off by chance, as those of a noise with heavy tails do.
     """
 
     def misfit(line: Polyline) -> float:
-        return float(np.sum((values - line.at(values.size)) ** 2 / variance))
+        return float(np.minimum((values - line.at(values.size)) ** 2 / variance, FAR**2).sum())
 
     least, tried = misfit(found), 0.0
     while True:
@@ -199,11 +203,29 @@ def _joined(values: Floats, found: Polyline, variance: Floats) -> Polyline:
             return found
         k = close[0]
         tried = float(gaps[k])
-        bends = np.abs(np.diff(np.diff(found.heights) / gaps))[k - 1 : k + 1]
-        meeting = float(bends @ found.knots[k : k + 2] / bends.sum())
-        one = _placed(values, np.concatenate([found.knots[:k], [meeting], found.knots[k + 2 :]]))
-        if misfit(one) < least + BENT**2:
-            found, least, tried = one, misfit(one), 0.0
+        for fewer in (_met(found, k), _without(found.knots, k)):
+            one = _placed(values, fewer)
+            if misfit(one) < least + BENT**2:
+                found, least, tried = one, misfit(one), 0.0
+                break
+
+
+def _met(line: Polyline, k: int) -> Floats:
+    """Give the knots with one where the lines on either side of the pair `k`, `k` + 1 about meet."""
+    bends = np.abs(np.diff(np.diff(line.heights) / np.diff(line.knots)))[k - 1 : k + 1]
+    meeting = float(bends @ line.knots[k : k + 2] / bends.sum())
+    return np.concatenate([line.knots[:k], [meeting], line.knots[k + 2 :]])
+
+
+def _without(knots: Floats, k: int) -> Floats:
+    """Take out all inner knots that follow each other closely around the pair `k`, `k` + 1."""
+    close = np.diff(knots) < CLOSE
+    first, last = k, k + 1
+    while first > 1 and close[first - 1]:
+        first -= 1
+    while last < knots.size - 2 and close[last]:
+        last += 1
+    return np.concatenate([knots[:first], knots[last + 1 :]])
 
 
 def _placed(values: Floats, knots: Floats) -> Polyline:

@@ -123,6 +123,17 @@ def test_heavy_tails_are_drawn_in_and_what_lasts_stays(seed):
     assert (outliers_drawn_in(noisy + pulse, 0.01) - calm)[2998:3003].max() > 0.9
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_few_samples_of_a_hold_that_lie_low_by_chance_are_not_followed(seed):
+    time = np.arange(0.0, 28.0, 0.01)
+    torque = triangle(time)
+    noisy = with_noise(torque, seed)
+    noisy[1199:1204] = 12.0 + NOISE * np.array([-2.6, -4.7, -3.0, -1.1, -0.3])
+    line = polyline(noisy, 10, 0.01)
+    assert line is not None
+    assert np.abs(line - torque)[920:1580].max() < 0.3 * NOISE
+
+
 def test_a_torque_without_noise_has_none_to_lose():
     assert found(triangle(np.arange(0.0, 28.0, 0.01)), 0.01, 0, noise=0.0) is None
 
