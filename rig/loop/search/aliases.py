@@ -35,6 +35,9 @@ MOST_STEPS = 20_000
 HARMONICS = 3
 """Harmonics of an encoder's sawtooth that are looked at."""
 
+HIGHEST_HARMONIC = 8
+"""The highest that is looked at of a line that is no larger than it makes one."""
+
 SAWTOOTH = 1.3
 """How much larger than the line of a sawtooth one may come out, with noise, and still be its."""
 
@@ -50,10 +53,11 @@ DRIFT = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
-    """One leg: samples a revolution of the angle, and the revolutions it covers."""
+    """One leg: samples a revolution of the angle, the revolutions it covers, and samples a second."""
 
     per_turn: float
     turns: float
+    rate: float
 
 
 def samplings(items: Held[LinearPiece], variable: str) -> tuple[Sampling, ...]:
@@ -76,7 +80,9 @@ def _samplings(item: LinearPiece, variable: str) -> list[Sampling]:
             # the mean step is known far better than one count, as long as no gap lies between
             whole = np.abs(np.diff(angle)) < 2.0 * step
             mean = float(np.abs(np.mean(np.diff(angle)[whole])))
-            found.append(Sampling(2.0 * np.pi / mean, float(np.ptp(angle)) / (2.0 * np.pi)))
+            found.append(
+                Sampling(2.0 * np.pi / mean, float(np.ptp(angle)) / (2.0 * np.pi), 1.0 / item.piece.track.period)
+            )
     return found
 
 
@@ -116,25 +122,24 @@ def beats(order: float, items: Held[LinearPiece], variable: str, legs: Sequence[
     return counts is not None and any(alike(order, m * counts, legs) for m in range(1, HARMONICS + 1))
 
 
-def small_beats(
-    order: float, amplitude: float, items: Held[LinearPiece], variable: str, legs: Sequence[Sampling], ratio: float
-) -> bool:
-    """Whether a line of the torsion is no larger than a count makes it, and beats with the samples of the longest leg.
+def small_beats(order: float, amplitude: float, items: Held[LinearPiece], variable: str, ratio: float) -> bool:
+    """Whether a line of the torsion is no larger than a count makes it, and beats with the samples of any leg.
 
-    amplitude: rad at the output. The sawtooth of a step q has lines of q / (m pi). Either encoder counts, also along
-    the other's angle; other legs need not show it, as each folds the counts to another order. `ratio`: of the gear.
+    order: of `variable`, in Hz of the time. amplitude: rad at the output. The sawtooth of a step q has lines of
+    q / (m pi). Either encoder counts, also along the other's angle and the time; each leg folds the counts to another
+    order. `ratio`: of the gear.
     """
-    if not legs:
-        return False
-    longest = max(legs, key=lambda leg: leg.turns)
     at_output = {"motor_position": 1.0 / ratio, "output_position": 1.0}
     for signal, share in at_output.items():
         counts = _counts(items, signal)
         if counts is None:
             continue
-        step, per_turn = 2.0 * math.pi * share / counts, counts * at_output[variable] / share
-        for m in range(1, HARMONICS + 1):
-            if amplitude < SAWTOOTH * step / (m * math.pi) and alike(order, m * per_turn, (longest,)):
+        along = signal if variable == "time" else variable
+        per_turn = counts * at_output[along] / share
+        highest = min(int(SAWTOOTH * 2.0 * share / (counts * amplitude)), HIGHEST_HARMONIC)
+        for leg in samplings(items, along):
+            seen = order * leg.per_turn / leg.rate if variable == "time" else order
+            if any(alike(seen, m * per_turn, (leg,)) for m in range(1, highest + 1)):
                 return True
     return False
 

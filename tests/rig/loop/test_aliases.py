@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from rig.log.run import ProcedureName, Run
+from rig.log.run import Run
 from rig.loop.campaign import LoopOptions
-from rig.loop.result import LoopResult
+from rig.loop.result import LoopResult, Verdict
 from rig.loop.search.aliases import Sampling, aliases, alike, likeliest
 from rig.loop.trace import trace
 from tests.independent.campaign import Campaign, Plan
@@ -17,7 +17,7 @@ COUNT = 2 * np.pi / 16384
 
 
 def legs(*per_turn: float) -> tuple[Sampling, ...]:
-    return tuple(Sampling(samples, 50.0) for samples in per_turn)
+    return tuple(Sampling(samples, 50.0, 100.0) for samples in per_turn)
 
 
 def test_one_leg_folds_at_its_samples_a_revolution() -> None:
@@ -75,18 +75,21 @@ def test_counts_that_beat_with_the_samples_are_no_kinematic_error() -> None:
     assert [line.order for line in step.lines] == pytest.approx([2.0], abs=1e-3)
 
 
-def free_runs_alone(seed: int, effects: Effects) -> LoopResult:
-    """Trace the free runs of a small campaign that hides these effects."""
-    plan = Plan(locked_angles=1, locked_pairs=0, backdrives=0, free_runs=2, free_run_pairs=1)
-    runs, held = runs_of(Campaign(seed, effects=effects, plan=plan, rate=100.0))
-    free = [run for run in runs if run.procedure is ProcedureName.FREE_RUN]
-    return trace(free, dut(), LoopOptions(held_out=tuple(run.name for run in free if run.name in held)))
+def free_runs_alone(seed: int, effects: Effects, rate: float = 100.0) -> LoopResult:
+    """Trace a campaign of three free runs, two of them replicates, that hides these effects."""
+    plan = Plan(locked_angles=0, locked_pairs=0, backdrives=0, backdrive_pairs=0, free_runs=2, free_run_pairs=1)
+    runs, held = runs_of(Campaign(seed, effects=effects, plan=plan, rate=rate))
+    return trace(runs, dut(), LoopOptions(held_out=held))
 
 
 @pytest.mark.timeout(300)
-@pytest.mark.parametrize("seed", [2, 5, 107, 108])
-def test_free_runs_alone_show_no_effect_that_the_counts_of_either_encoder_make(seed: int) -> None:
-    assert free_runs_alone(seed, Effects()).effects == ()
+@pytest.mark.parametrize(
+    ("seed", "rate"), [(8000, 50.0), (8003, 50.0), (14, 200.0), *((seed, 100.0) for seed in (2, 5, 107, 108, 8203))]
+)
+def test_free_runs_alone_show_no_effect_that_the_counts_of_either_encoder_make(seed: int, rate: float) -> None:
+    result = free_runs_alone(seed, Effects(), rate)
+    assert result.effects == ()
+    assert result.verdict is Verdict.NONE
 
 
 @pytest.mark.timeout(300)
