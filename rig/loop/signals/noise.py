@@ -6,8 +6,8 @@ from scipy.ndimage import median_filter
 
 Floats = NDArray[np.float64]
 
-NOISE_BLOCK, NOISE_BLOCKS = 0.25, 9
-"""s of a block over which the noise is measured, and the blocks of which the median counts."""
+NOISE_BLOCK, LEAST_BLOCK, NOISE_BLOCKS = 0.25, 10, 9
+"""s and samples at least of a block over which the noise is measured, and the blocks of which the median counts."""
 
 LAGS = (1, 2, 4, 8, 16, 32)
 """Samples between the three of a second difference: how it grows with them tells how long the noise remembers."""
@@ -51,7 +51,7 @@ def _noise_variance(values: Floats, period: float) -> Floats:
     """
     bend = values[2:] - 2.0 * values[1:-1] + values[:-2]
     squares = np.concatenate([bend[:1], bend, bend[-1:]]) ** 2 / 6.0
-    block = max(round(NOISE_BLOCK / period), 1)
+    block = max(round(NOISE_BLOCK / period), LEAST_BLOCK)
     starts = np.arange(0, max(squares.size - block, 0) + 1, block)
     means = np.add.reduceat(squares, starts) / np.diff(np.append(starts, squares.size))
     level = median_filter(means, size=NOISE_BLOCKS, mode="nearest")

@@ -40,11 +40,14 @@ LONGEST_ARC = 3
 """Bends in a row to the same side of a polyline in a noise that remembers: such a noise hides how far the chords of a
 curve miss it. A ramp, a hold and the way back are two."""
 
-SHORTEST = 1.0
-"""s that a straight piece lasts on average at least; what bends more often is no polyline."""
+SHORTEST, SHORTEST_SAMPLES = 1.0, 25
+"""s and samples that a straight piece lasts on average at least; what bends more often is no polyline."""
 
 SPARE = 4
 """How many times as many knots splitting may give first: it cuts corners and ends in pieces, which are taken out."""
+
+LEAST_BLOCK = 10
+"""Samples of such a block at least."""
 
 BLOCK, BY_CHANCE, TYPICAL_COLOURED, WORST = 0.5, 4.0, 1.5, 6.0
 """s of the blocks whose means judge the polyline. Their rms, in standard deviations, may exceed one by this many of its
@@ -88,10 +91,10 @@ def polyline(values: Floats, side: int, period: float) -> Floats | None:
     side: samples on either side over which they are smoothed to find where they bend. period: s between samples.
     """
     smoothed = corners_kept(values, side)
-    block = max(round(BLOCK / period), 1)
+    block = max(round(BLOCK / period), LEAST_BLOCK)
     if smoothed is values or values.size < FEWEST_BLOCKS * block:
         return None
-    most = min(round(values.size * period / SHORTEST) + 2, MOST_KNOTS)
+    most = min(round(values.size / max(SHORTEST / period, SHORTEST_SAMPLES)) + 2, MOST_KNOTS)
     rest = values
     for _ in range(ROUNDS):
         # what corners add to second differences is gone once a first polyline has been taken off

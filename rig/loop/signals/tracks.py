@@ -23,7 +23,7 @@ from rig.loop.signals.outliers import outliers_drawn_in
 from rig.loop.signals.polyline import polyline
 from rig.loop.signals.ripple import Ripple, speed_ripple
 from rig.loop.signals.saturation import at_limit, cut_off, doubtful_after
-from rig.loop.signals.smoothing import smooth
+from rig.loop.signals.smoothing import MIN_SIDE, smooth
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -312,7 +312,7 @@ def _calm(values: Floats | None, period: float) -> Floats | None:
 
 def _line(values: Floats | None, period: float) -> Floats | None:
     """Give the polyline that a torque (n,) follows, None where it follows none."""
-    return None if values is None else polyline(values, round(PLAY_SIDE / period), period)
+    return None if values is None else polyline(values, max(round(PLAY_SIDE / period), MIN_SIDE), period)
 
 
 def _clean(values: Floats | None, line: Floats | None, side: float, period: float) -> Floats | None:

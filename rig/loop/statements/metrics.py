@@ -50,8 +50,8 @@ QUIET_TRAVEL = 2e-3
 RECORDED_OTHERWISE = 2.0
 """By how much wider a floor's interval is if its replicates were recorded otherwise than the runs in question."""
 
-LOADED = 20.0
-"""A torque that has left its first value by this many times its own scatter is not a dwell."""
+LOADED = 30.0
+"""A torque that has left its first value by this many times its own noise is not a dwell."""
 
 LEAST_DWELL = 2.0
 """s of dwell that tell something about noise."""
@@ -336,7 +336,8 @@ def dwell_of(piece: Piece) -> slice | None:
     moved = np.abs(angle - angle[0]) > QUIET_TRAVEL
     for torque in (track.output_torque, track.motor_torque):
         if torque is not None and torque.size > 3:
-            noise = 1.5 * float(np.median(np.abs(np.diff(torque))))
+            # a sweep has slope in every sample, but no second difference
+            noise = MEDIAN_TO_SIGMA * float(np.median(np.abs(np.diff(torque, 2)))) / math.sqrt(6.0)
             moved |= np.abs(torque - torque[0]) > LOADED * max(noise, 1e-3 * float(np.abs(torque).max()))
     places = np.flatnonzero(moved)
     end = int(places[0]) if places.size else angle.size

@@ -7,7 +7,7 @@ import numpy as np
 
 from rig.config.catalogue import doubt
 from rig.config.dut import Dut
-from rig.log.run import ProcedureName, Run
+from rig.log.run import SWEEPS, ProcedureName, Run
 from rig.loop.fitting.fit import Fit
 from rig.loop.fitting.intervals import hidden_share
 from rig.loop.fitting.starts import FACTOR
@@ -27,6 +27,12 @@ LEAST_TOLD = 1e-3
 
 FAR_FROM_PRIOR = 3.0
 """Standard deviations of its prior by which a parameter of the flexspline's law may move without a word."""
+
+FEWEST_A_SWEEP = 100
+"""Samples of a torque from one end to the other that a sweep needs."""
+
+STRIDE = 10
+"""Samples over which a torque must move for its rate to stand out of its noise."""
 
 LEAST_HIDDEN = 0.05
 """Share of a torque line that may hide in the rotor's motion and is then said."""
@@ -71,6 +77,27 @@ def far_from_prior(final: Fit, told: Sequence[Open]) -> list[str]:
                 f"is off, or {entry.name} makes up for a law or an effect that the model lacks."
             )
     return found
+
+
+def _coarse(runs: Sequence[Run]) -> str:
+    """Say of which sweeps the log is too slow: what a reversal does then lies between two samples. Empty if of none."""
+    samples = {}
+    for run in runs:
+        torque = run.signals.get("output_torque", np.empty(0))
+        known = torque[np.isfinite(torque)]
+        if run.procedure not in SWEEPS or known.size <= STRIDE or np.ptp(known) == 0.0:
+            continue
+        step = float(np.quantile(np.abs(known[STRIDE:] - known[:-STRIDE]), 0.75)) / STRIDE
+        samples[run.name] = float(np.ptp(known)) / step if step > 0.0 else math.inf
+    few = {name: count for name, count in samples.items() if count < FEWEST_A_SWEEP}
+    if not few:
+        return ""
+    worst = min(few, key=lambda name: few[name])
+    return (
+        f"Sampled too slowly for how fast their torque is swept: {', '.join(sorted(few))}. {worst} has "
+        f"{few[worst]:.0f} samples from one end of its torque to the other, where {FEWEST_A_SWEEP} are needed to see "
+        f"what a reversal does: sample faster or sweep more slowly. What the model leaves of them may be that."
+    )
 
 
 def remarks(tracks: Sequence[Track], runs: Sequence[Run], dut: Dut, model: Model) -> list[str]:
@@ -122,6 +149,8 @@ def remarks(tracks: Sequence[Track], runs: Sequence[Run], dut: Dut, model: Model
         )
         if constant:
             found.append(f"{run.name}: constant throughout: {', '.join(constant)}.")
+    if coarse := _coarse(runs):
+        found.append(coarse)
     gaps = {run.name: len(run.gaps) for run in runs if run.gaps}
     if gaps:
         most = max(gaps, key=lambda name: gaps[name])

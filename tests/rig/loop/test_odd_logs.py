@@ -16,6 +16,7 @@ from tests.independent.effects import Effects, Line
 from tests.rig.loop.runs import dut, make_run, runs_of, turning_run
 
 SMALL = Plan(locked_angles=6, locked_pairs=1, backdrives=2, backdrive_pairs=1, free_runs=2, free_run_pairs=1)
+SLOW = Plan(locked_angles=4, locked_pairs=1, backdrives=2, backdrive_pairs=1, free_runs=2, free_run_pairs=1)
 KINEMATIC = Effects(kinematic_error=(Line(2.0, 1e-4, 0.3),))
 
 
@@ -47,6 +48,23 @@ def test_a_campaign_of_which_means_are_kept_is_traced_and_says_so() -> None:
     assert result.effects == ("kinematic-error",)
     assert result.steps[0].parameters["amplitude"].value == pytest.approx(1e-4, rel=0.02)
     assert sum("every 2 samples" in text for text in result.warnings) == len(runs)
+
+
+@pytest.mark.parametrize(("seed", "rate", "slowly"), [(8300, 10.0, True), (8301, 10.0, True), (8303, 20.0, False)])
+def test_a_slow_log_without_an_effect_shows_none_and_no_leak(seed: int, rate: float, slowly: bool) -> None:
+    runs, held_out = runs_of(Campaign(seed, plan=SLOW, rate=rate))
+    result = trace(runs, dut(), LoopOptions(held_out=held_out))
+    assert result.effects == ()
+    assert result.verdict is Verdict.NONE
+    assert any("Sampled too slowly" in text for text in result.warnings) == slowly
+
+
+def test_sweeps_of_an_hour_sampled_once_a_second_show_no_effect() -> None:
+    runs, held_out = runs_of(Campaign(8400, plan=replace(SLOW, free_runs=0), rate=100.0))
+    slow = [replace(run, time=100.0 * run.time) for run in runs]
+    result = trace(slow, dut(), LoopOptions(held_out=held_out))
+    assert result.effects == ()
+    assert not any("Sampled too slowly" in text for text in result.warnings)
 
 
 def test_a_backdrive_without_motor_torque_is_not_taken_for_a_moving_output() -> None:
