@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from drivers.errors import RigError
+from drivers.errors import LimitError, RigError
 from rig.config.dut import Dut
 from rig.log.run import Run
 from rig.loop.campaign import LoopOptions
@@ -106,7 +106,12 @@ def _append(item: tuple[str, int, Path]) -> None:
         return
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        line = run_case(family, seed)
+        try:
+            line = run_case(family, seed)
+        except LimitError as error:
+            # an effect so large that no campaign can be recorded with it: no case
+            print(f"{family} {seed}: not recorded, a limit of the bench ended a run: {error}", flush=True)
+            return
     with (folder / f"{family}.jsonl").open("a") as file:
         file.write(json.dumps(line) + "\n")
     found = ", ".join(line.get("added", [])) or line.get("error", "-")

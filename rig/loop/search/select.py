@@ -20,7 +20,7 @@ from rig.loop.search.shape_trials import ShapeTrial
 from rig.loop.search.shape_verdict import judge_shape, shape_candidates
 from rig.loop.search.trial import Ground, Trial, prepare
 from rig.loop.search.unknown import unnamed
-from rig.loop.search.withdraw import withdraw
+from rig.loop.search.withdraw import withdraw, withdraw_lines
 
 MOST_LINES = 16
 
@@ -63,7 +63,10 @@ def select(
     on_stage("judging whether what was added must stay")
     current = withdraw(pieces, current, alpha)
     on_stage("trying shapes without a name on what is left")
-    current, decisions = unnamed(pieces, current, decisions, alpha, known)
+    named = current
+    current, decisions = unnamed(pieces, named, decisions, alpha, known)
+    if current is not named:
+        current = withdraw_lines(pieces, current, alpha)
     kept: set[TermClass | ShapeClass] = {line.kind for line in current.model.lines}
     kept |= {term.kind for term in current.model.shapes}
     return Selection(current, tuple(d for d in decisions if d.kind in kept), tuple(unadded.values()), left)

@@ -15,7 +15,7 @@ from rig.loop.search.trial import prepare, try_columns, try_line
 
 def withdraw(pieces: Material, current: Fit, alpha: float) -> Fit:
     """Take out terms that no longer pay beside the others, or have moved onto another."""
-    return _withdraw_lines(pieces, _withdraw_shapes(pieces, current, alpha), alpha)
+    return withdraw_lines(pieces, _withdraw_shapes(pieces, current, alpha), alpha)
 
 
 def _withdraw_shapes(pieces: Material, current: Fit, alpha: float) -> Fit:
@@ -30,7 +30,8 @@ def _withdraw_shapes(pieces: Material, current: Fit, alpha: float) -> Fit:
     return current
 
 
-def _withdraw_lines(pieces: Material, current: Fit, alpha: float) -> Fit:
+def withdraw_lines(pieces: Material, current: Fit, alpha: float) -> Fit:
+    """Take out lines that no longer pay beside the other terms, or of which nothing may be there."""
     for line in sorted(current.model.lines, key=lambda line: line.amplitude):
         present = current.model.lines
         matches = [x for x in present if x.kind == line.kind and abs(x.order - line.order) < 1e-3 * line.order]
