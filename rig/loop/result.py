@@ -113,12 +113,16 @@ class Shift:
 
 @dataclass(frozen=True, slots=True)
 class NextExperiment:
-    """What to measure next, as a ready command. Separation in standard deviations, None if not computed."""
+    """What to measure next, as a ready command, and the loop over old and new logs to type `then`, "" where not known.
+
+    Separation in standard deviations, None if not computed.
+    """
 
     why: str
     command: str
     expected_separation_sigma: float | None = None
     minutes: float | None = None
+    then: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,6 +238,7 @@ def _next(experiment: NextExperiment | None) -> Json:
         "command": experiment.command,
         "expected_separation_sigma": _number(experiment.expected_separation_sigma),
         "minutes": _number(experiment.minutes),
+        "then": experiment.then,
     }
 
 

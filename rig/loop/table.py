@@ -134,7 +134,12 @@ def _next(experiment: NextExperiment | None) -> list[str]:
     told = [] if sigma is None else [f"expected separation {sigma:.2g} sigma"]
     told += [] if minutes is None else [f"{minutes:.2g} minutes of bench time"]
     lines = [f"    next: {experiment.why}" + (f" ({', '.join(told)})" if told else "")]
-    return lines + ([f"    `{experiment.command}`"] if experiment.command else [])
+    return lines + [f"    {command}" for command in (experiment.command, experiment.then) if command]
+
+
+def is_command(line: str) -> bool:
+    """Tell whether a line of the statements is a command, which must stay in one line to be copied."""
+    return line.startswith("    rig ")
 
 
 def rows_of(result: LoopResult) -> list[tuple[str, ...]]:

@@ -74,6 +74,7 @@ class NextExperiment(Tolerant):
     command: str = ""
     expected_separation_sigma: float | None = None
     minutes: float | None = None
+    then: str = ""
 
 
 class Step(Tolerant):

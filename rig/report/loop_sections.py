@@ -132,14 +132,25 @@ def next_box(experiment: NextExperiment) -> Markup:
         figures.append(f"expected separation {experiment.expected_separation_sigma:.3g} standard deviations")
     if experiment.minutes is not None:
         figures.append(f"{experiment.minutes:.3g} minutes on the bench")
-    command = element("pre", experiment.command, class_="command", tabindex=0) if experiment.command else None
     return joined(
         [
             element("p", experiment.why) if experiment.why else None,
             element("p", "; ".join(figures), class_="soft") if figures else None,
-            element("div", command, class_="command-line") if command is not None else None,
+            *_command(experiment.command),
+            *(
+                [element("p", "Then the loop over old and new logs:"), *_command(experiment.then)]
+                if experiment.then
+                else []
+            ),
         ]
     )
+
+
+def _command(text: str) -> list[Markup]:
+    """Give a command that is to be typed; of none nothing."""
+    if not text:
+        return []
+    return [element("div", element("pre", text, class_="command", tabindex=0), class_="command-line")]
 
 
 def next_experiments(loop: LoopFile) -> tuple[NextExperiment, ...]:

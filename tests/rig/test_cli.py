@@ -223,6 +223,15 @@ def test_the_loop_is_named_as_next_only_where_two_runs_are_there_and_earlier_log
     assert second.endswith(f"Logs in {tmp_path}. Next: rig loop {tmp_path}\n")
 
 
+def test_replicates_alone_are_not_sent_to_the_loop_and_a_further_experiment_with_the_earlier_logs(tmp_path):
+    out = tmp_path / "next"
+    first = rig("run", "backdrive", *SHORT_BACKDRIVE, "--repeat", 2, "-o", out).stderr
+    assert first.endswith(f"Logs in {out}.\n")
+    (tmp_path / "locked-output-angle-1.mcap").write_bytes(b"")
+    second = rig("run", "backdrive", *SHORT_BACKDRIVE, "-o", out).stderr
+    assert second.endswith(f"Logs in {out}. Next: rig loop {tmp_path} {out}, with the options of the loop before\n")
+
+
 def test_logs_of_starting_torques_do_not_count_as_runs_for_the_loop(tmp_path):
     (tmp_path / "starting-torque-angle-1.mcap").write_bytes(b"")
     told = rig("run", "backdrive", *SHORT_BACKDRIVE, "-o", tmp_path).stderr
