@@ -115,3 +115,19 @@ def test_the_runs_are_told_with_their_side_and_operator() -> None:
 def test_the_file_comes_back_as_it_was_written(tmp_path: Path) -> None:
     write_views(result().views, tmp_path / "views.json")
     assert Views.model_validate_json((tmp_path / "views.json").read_bytes()) == result().views
+
+
+def test_of_a_motor_known_by_its_current_alone_nothing_is_drawn_over_a_torque() -> None:
+    time = np.arange(0.0, 60.0, 0.02)
+    noise = np.random.default_rng(5)
+    runs = []
+    for number in range(4):
+        angle = 0.05 * np.floor(time / 0.5) + 6.0 * number
+        current = 0.1 * np.sin(4.0 * angle + 0.3) + 0.02 * time / 60.0 + noise.normal(0.0, 2e-3, time.size)
+        runs.append(make_run(f"r{number}", "other", time, {"motor_position": angle, "motor_current": current}))
+    found = trace(runs, dut('name = "motor"\n'), LoopOptions(held_out=("r3",)))
+    assert tuple(found.equations) == ("motor-current",)
+    assert {view.variable for view in found.views.residuals} <= {"motor_position", "time"}
+    assert found.views.cycles == ()
+    torques = [p for step in found.steps for p in step.parameters.values() if p.unit.startswith("N*m")]
+    assert torques == []
