@@ -33,16 +33,14 @@ QUICKER = {
 }
 """Settings of examples that would take minutes, and what is run in their place."""
 
-RECORDINGS, EXAMPLE_MAPS = '"$HARMONIC_RIG_DATA"', "docs/examples"
+DATA, MAPS = '"$HARMONIC_RIG_DATA"', "docs/examples"
 
 NOT_RUN = {
     "$ rig run locked-output --bench bench.toml --dut dut.toml -o runs/wednesday": "moves a motor",
     "$ export HARMONIC_RIG_DATA=../shared/data": "a command of the shell",
-    f"$ rig import {RECORDINGS}/kuka_iiwa_joint4/vel_*.csv --map {EXAMPLE_MAPS}/iiwa_joint4.toml -o runs/iiwa": (
-        "measured data"
-    ),
+    f"$ rig import {DATA}/kuka_iiwa_joint4/vel_*.csv --map {MAPS}/iiwa_joint4.toml -o runs/iiwa": ("measured data"),
     "$ rig loop runs/iiwa --held-out 'vel_p5*' --held-out 'vel_p2*' -o runs/iiwa/loop": "measured data",
-    f"$ rig import {RECORDINGS}/motor_cogging_map/hold_sweep.csv --map {EXAMPLE_MAPS}/cogging_map.toml -o runs/cogging": (
+    f"$ rig import {DATA}/motor_cogging_map/hold_sweep.csv --map {MAPS}/cogging_map.toml -o runs/cogging": (
         "measured data"
     ),
     "$ rig loop runs/cogging -o runs/cogging/loop": "measured data",

@@ -4,11 +4,11 @@ Before is the base model refitted without the effects, after is base and effects
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from enum import StrEnum
 from types import MappingProxyType
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 from rig.loop.files.model_file import Model
 from rig.loop.files.views_file import Views
@@ -17,6 +17,9 @@ SCHEMA = "rig.loop/1"
 
 RESULT_NAME = "loop.json"
 """What `rig loop` calls the result in its folder."""
+
+ABOVE_FLOOR = 1.5
+"""Times the upper end of the floor's interval beyond which what is left is no longer noise."""
 
 Json: TypeAlias = "bool | int | float | str | Sequence[Json] | Mapping[str, Json] | None"
 """What a JSON file can hold."""
@@ -64,6 +67,47 @@ class Errors:
     floor: float | None = None
     floor_ci95: tuple[float, float] | None = None
     by_procedure: Mapping[str, "Errors"] = field(default_factory=dict)
+
+
+class Judged(Protocol):
+    """Errors of an equation or of one procedure in it, as the loop gives them or as a report reads them."""
+
+    @property
+    def rms_after(self) -> float | None:
+        """Error with what was added."""
+
+    @property
+    def floor_ci95(self) -> tuple[float | None, float | None] | None:
+        """Interval of the floor."""
+
+    @property
+    def by_procedure(self) -> "Mapping[str, Judged]":
+        """The same for every procedure."""
+
+
+def above_floor(held_out: Mapping[str, Judged], told: Set[tuple[str, str]]) -> str:
+    """Say which errors lie above their floor's interval and are taken for noise all the same; "" where none does.
+
+    `held_out`: by equation; `told`: equation and procedure ("" for all) of open statements, which say more.
+    """
+    names = []
+    for equation, whole in held_out.items():
+        found = [p for p, errors in whole.by_procedure.items() if _above(errors) and (equation, p) not in told]
+        if (equation, "") in told or not (found or _above(whole)):
+            continue
+        if found or not any(name == equation for name, _ in told):
+            names.append(equation + (f" ({', '.join(found)})" if found else ""))
+    if not names:
+        return ""
+    return (
+        f"After lies above the floor's interval in {', '.join(names)}. Up to {ABOVE_FLOOR:g} times its upper end, or "
+        "what a play or smoothing carries on of the noise, still counts as noise: few runs tell of the floor."
+    )
+
+
+def _above(errors: Judged) -> bool:
+    high = errors.floor_ci95[1] if errors.floor_ci95 is not None else None
+    return errors.rms_after is not None and high is not None and errors.rms_after > high
 
 
 @dataclass(frozen=True, slots=True)

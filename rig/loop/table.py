@@ -8,7 +8,7 @@ from rich.table import Table
 from rig.loop.display import SCALES, interval_text
 from rig.loop.files.model_file import ModelBase, ModelEstimate
 from rig.loop.predict import Predicted
-from rig.loop.result import MEANINGS, Errors, Estimate, LoopResult, NextExperiment, Open, Step
+from rig.loop.result import MEANINGS, Errors, Estimate, LoopResult, NextExperiment, Open, Step, above_floor
 from sim_backend.model.compliance import LAWS
 
 TITLES = ("equation", "unit", "before", "after", "floor", "floor 95 %", "max after")
@@ -73,8 +73,9 @@ def headline(result: LoopResult) -> str:
 
 
 def statements(result: LoopResult) -> list[str]:
-    """Give the base parameters that were fitted, a few lines for every step and open statement, one per warning."""
-    lines = _base(result.model.base)
+    """Give what is above the floor, the base parameters, a few lines per step and open statement, one per warning."""
+    lines = [text] if (text := floor_remark(result)) else []
+    lines += _base(result.model.base)
     for step in result.steps:
         lines.append(f"+ {step.effect} in {step.equation}, false-alarm probability {step.p_value:.1g}")
         lines += [f"    {text}" for text in _parameters(step)] + _next(step.next_experiment)
@@ -82,6 +83,13 @@ def statements(result: LoopResult) -> list[str]:
         lines.append("? " + _statement(item))
         lines += _next(item.next_experiment)
     return lines + [f"! {warning}" for warning in result.warnings]
+
+
+def floor_remark(result: LoopResult) -> str:
+    """Say which errors lie above the floor's interval and are no statement; "" where none does."""
+    held_out = {name: item.held_out for name, item in result.equations.items() if item.held_out is not None}
+    told = {(str(x.evidence.get("equation", "")), str(x.evidence.get("procedure", ""))) for x in result.open}
+    return above_floor(held_out, told)
 
 
 def _base(base: ModelBase) -> list[str]:

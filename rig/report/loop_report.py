@@ -20,7 +20,7 @@ from rig.report.loop_sections import (
 )
 from rig.report.page import page, section
 from rig.report.reading import LoopRecord
-from rig.report.sentences import meaning_of, statement
+from rig.report.sentences import floor_remark, meaning_of, statement
 
 BEFORE_AFTER = (
     "Before is the base model alone, after is base model and effects fitted together. The floor is what noise alone "
@@ -77,8 +77,9 @@ def _errors(loop: LoopFile) -> Markup | None:
     held, train = errors_table(loop, "held_out"), errors_table(loop, "train")
     if held is None and train is None:
         return None
+    remark = floor_remark(loop)
     fitted = element("details", element("summary", "The same on the fitted runs"), train) if held and train else train
-    return joined([element("p", BEFORE_AFTER), held, fitted])
+    return joined([element("p", BEFORE_AFTER), held, element("p", remark) if remark else None, fitted])
 
 
 def _added(loop: LoopFile) -> Markup:

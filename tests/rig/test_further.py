@@ -14,7 +14,7 @@ from rig.config.bench import load_bench
 from rig.config.dut import default_dut
 from rig.log.run import ProcedureName, Run
 from rig.loop.files.model_check import mistakes_in
-from rig.loop.result import LoopResult, NextExperiment, Open, Verdict
+from rig.loop.result import EquationResult, Errors, LoopResult, NextExperiment, Open, Verdict
 from rig.loop.table import text_of
 
 SURVEY = "rig run free-run --set free-run.speeds=5,10,20,40,80,160 --set free-run.load_torques=-9.6,0,9.6 --repeat 2"
@@ -101,6 +101,14 @@ def test_options_of_the_loop_are_typed_again_where_they_are_not_the_usual_ones()
     other = replace(usual, base=Path("m.json"), compliance="cubic", held_out=("a*", "b"), alpha=0.05, seed=3)
     words = "--base m.json --compliance cubic --held-out a* --held-out b --alpha 0.05 --seed 3"
     assert _typed(other) == tuple(words.split())
+
+
+def test_an_error_above_its_floor_is_said_below_the_table(capsys):
+    errors = Errors(3e-4, 2.4e-4, 1e-3, 1e-3, 2.1e-4, (1.9e-4, 2.3e-4))
+    found = replace(result(), equations={"motor-torque": EquationResult("N*m", errors, None)})
+    print_result(found)
+    for text in (capsys.readouterr().out, text_of(found)):
+        assert "After lies above the floor's interval in motor-torque. Up to 1.5 times" in " ".join(text.split())
 
 
 def test_commands_stand_in_a_line_of_their_own_however_narrow_the_terminal(tmp_path, capsys, monkeypatch):
