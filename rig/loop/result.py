@@ -139,11 +139,17 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A class that was tried: gain in weighted squares, and p-value for all that was tried with it."""
+    """A class that was tried: gain in weighted squares, and p-value for all that was tried with it.
+
+    `variable`, `enters`: on what it depends and where it acts, "" where its name says it; `order`: of a line.
+    """
 
     effect: str
     gain: float
     p_value: float
+    variable: str = ""
+    enters: str = ""
+    order: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -286,6 +292,17 @@ def _next(experiment: NextExperiment | None) -> Json:
     }
 
 
+def _candidate(item: Candidate) -> dict[str, Json]:
+    return {
+        "effect": item.effect,
+        "variable": item.variable,
+        "enters": item.enters,
+        "order": _number(item.order),
+        "gain": _number(item.gain),
+        "p_value": _number(item.p_value),
+    }
+
+
 def _step(step: Step) -> dict[str, Json]:
     return {
         "verdict": step.verdict.value,
@@ -296,9 +313,7 @@ def _step(step: Step) -> dict[str, Json]:
         "lines": [{"order": x.order, "amplitude": x.amplitude, "phase": x.phase} for x in step.lines],
         "equation": step.equation,
         "parameters": {name: estimate_json(value) for name, value in step.parameters.items()},
-        "candidates": [
-            {"effect": c.effect, "gain": _number(c.gain), "p_value": _number(c.p_value)} for c in step.candidates
-        ],
+        "candidates": [_candidate(item) for item in step.candidates],
         "p_value": _number(step.p_value),
         "held_out": {
             name: {"rms_before": _number(before), "rms_after": _number(after)}

@@ -57,6 +57,9 @@ class Candidate(Tolerant):
     effect: str
     gain: float | None = None
     p_value: float | None = None
+    variable: str = ""
+    enters: str = ""
+    order: float | None = None
 
 
 class Shift(Tolerant):

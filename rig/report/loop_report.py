@@ -30,6 +30,10 @@ SPECTRUM = (
     "Least squares over the angle (each run with a mean of its own), not over time: what repeats with the angle stands "
     "at the same order at every speed. Each point is the highest amplitude of a small interval of orders."
 )
+TRIED = (
+    "Each class alone, on top of what had been added before. The p-value counts all tests that were made; – where that "
+    "bound reaches 1 and says nothing."
+)
 ZOOM = "Zoom: drag a rectangle, or use the buttons or + and − in a plot; arrows or shift and drag move, 0 shows all."
 
 
@@ -119,7 +123,7 @@ def _tried(loop: LoopFile) -> Markup:
     found = listed_texts([text for text in loop.warnings if text.startswith(FOUND_NOT_ADDED)])
     if not any(tables) and found is None:
         return element("p", "Nothing came near enough to be listed: every candidate failed the false-alarm test.")
-    return joined([*tables, found])
+    return joined([element("p", TRIED) if any(tables) else None, *tables, found])
 
 
 def _warnings(loop: LoopFile) -> Markup | None:

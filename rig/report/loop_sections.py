@@ -260,20 +260,25 @@ def candidates_table(number: int, step: Step) -> Markup | None:
     """Give what was tried for one step: gain and p-value of every class, the best first."""
     if not step.candidates:
         return None
-    numbers = frozenset({1, 2, 3})
+    numbers = frozenset({2, 3, 4})
     ordered = sorted(step.candidates, key=lambda item: -(item.gain or 0.0))
     best = max((item.gain or 0.0 for item in ordered), default=0.0)
-    rows = [row(_candidate(item, best, step), numbers) for item in ordered]
-    titles = ("class", "gain in weighted squares", "of the best", "p-value", "outcome")
+    chosen = next((place for place, item in enumerate(ordered) if item.effect == step.effect), None)
+    rows = [row(_candidate(item, best, step, place == chosen), numbers) for place, item in enumerate(ordered)]
+    titles = ("class", "of what, and where", "gain in weighted squares", "of the best", "p-value", "outcome")
     return table(f"Tried for step {number}, {title_of(step)}", titles, rows, numbers)
 
 
-def _candidate(item: Candidate, best: float, step: Step) -> list[Markup | str]:
-    chosen = item.effect == step.effect
-    outcome = "added" if chosen else "in the set" if item.effect in step.members else "rejected"
+def _candidate(item: Candidate, best: float, step: Step, chosen: bool) -> list[Markup | str]:
+    added = chosen and not step.members
+    outcome = "added" if added else "in the set" if chosen or item.effect in step.members else "rejected"
     share = UNKNOWN if item.gain is None or best <= 0.0 else f"{100.0 * item.gain / best:.3g} %"
     gain = UNKNOWN if item.gain is None else f"{item.gain:.4g}"
-    return [item.effect, gain, share, probability_text(item.p_value), element("b", outcome) if chosen else outcome]
+    order = "" if item.order is None else f"order {item.order:.6g} of "
+    where = ", ".join(text for text in (f"{order}{item.variable}", item.enters) if text)
+    # a bound on the false-alarm probability that has reached 1 says nothing
+    p = UNKNOWN if item.p_value is None or item.p_value >= 1.0 else probability_text(item.p_value)
+    return [item.effect, where, gain, share, p, element("b", outcome) if chosen else outcome]
 
 
 def listed_texts(texts: Sequence[str]) -> Markup | None:
