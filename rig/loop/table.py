@@ -6,9 +6,20 @@ from types import MappingProxyType
 from rich.table import Table
 
 from rig.loop.display import SCALES, interval_text
+from rig.loop.files.evidence_keys import in_words
 from rig.loop.files.model_file import ModelBase, ModelEstimate
 from rig.loop.predict import Predicted
-from rig.loop.result import MEANINGS, Errors, Estimate, LoopResult, NextExperiment, Open, Step, above_floor
+from rig.loop.result import (
+    MEANINGS,
+    EquationResult,
+    Errors,
+    Estimate,
+    LoopResult,
+    NextExperiment,
+    Open,
+    Step,
+    above_floor,
+)
 from sim_backend.model.compliance import LAWS
 
 TITLES = ("equation", "unit", "before", "after", "floor", "floor 95 %", "max after")
@@ -80,7 +91,7 @@ def statements(result: LoopResult) -> list[str]:
         lines.append(f"+ {step.effect} in {step.equation}, false-alarm probability {step.p_value:.1g}")
         lines += [f"    {text}" for text in _parameters(step)] + _next(step.next_experiment)
     for item in result.open:
-        lines.append("? " + _statement(item))
+        lines.append("? " + _statement(item, result.equations))
         lines += _next(item.next_experiment)
     return lines + [f"! {warning}" for warning in result.warnings]
 
@@ -123,16 +134,20 @@ def _shown(name: str, estimate: Estimate | ModelEstimate) -> str:
     return f"{value}{within} {estimate.unit}".rstrip()
 
 
-def _statement(item: Open) -> str:
+def _statement(item: Open, equations: Mapping[str, EquationResult]) -> str:
     """Give verdict, place and meaning of an open statement, then its numbers."""
     evidence = dict(item.evidence)
+    known = equations.get(str(evidence.get("equation")))
+    shown, scale = ("", 1.0) if known is None else SCALES.get(known.unit, (known.unit, 1.0))
     place = " in ".join(str(evidence.pop(key)) for key in ("equation", "procedure") if key in evidence)
     what = place or " | ".join(item.group)
     if item.parameter is not None and item.deviation is not None:
         what = f"{item.parameter} is {100 * item.deviation:+.1f} % off its catalogue value, by {' | '.join(item.group)}"
     meaning = evidence.pop("meaning", "")
-    numbers = ", ".join(f"{name} {_short(value)}" for name, value in evidence.items() if value is not None)
-    return f"{item.verdict}: {what}: {meaning} ({numbers})"
+    numbers = [
+        f"{words} {_short(value)} {unit}".rstrip() for _, words, value, unit in in_words(evidence, (shown, scale))
+    ]
+    return f"{item.verdict}: {what}: {meaning} ({', '.join(numbers)})"
 
 
 def _next(experiment: NextExperiment | None) -> list[str]:

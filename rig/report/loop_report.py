@@ -44,7 +44,7 @@ def loop_page(record: LoopRecord, software: str) -> str:
     sections = {
         "Before and after": ("errors", _errors(loop)),
         "What was added": ("added", _added(loop)),
-        "What stays open": ("open", joined(map(open_panel, loop.open)) if loop.open else None),
+        "What stays open": ("open", _open(loop)),
         "Residual before and after": ("residual", _residuals(record.views.residuals)),
         "Hysteresis loops": ("hysteresis", _cycles(record)),
         "Spectrum over the angle": ("spectrum", _spectra(record)),
@@ -90,6 +90,11 @@ def _added(loop: LoopFile) -> Markup:
     if not loop.steps:
         return element("p", "Nothing: no effect of the catalogue and no repeating term passes the tests.")
     return joined(step_panel(number, step) for number, step in enumerate(loop.steps, start=1))
+
+
+def _open(loop: LoopFile) -> Markup | None:
+    units = {name: item.unit for name, item in loop.equations.items()}
+    return joined(open_panel(item, units) for item in loop.open) if loop.open else None
 
 
 def _residuals(views: tuple[ResidualView, ...]) -> Markup:

@@ -6,6 +6,7 @@ from types import MappingProxyType
 from pydantic import JsonValue
 
 from rig.loop.display import interval_text
+from rig.loop.files.evidence_keys import in_words, meaning_of_key
 from rig.loop.files.views_file import RunFacts
 from rig.report.html import Markup, element, joined
 from rig.report.loop_file import Candidate, Errors, Estimate, LoopFile, ModelFile, NextExperiment, Open, Shift, Step
@@ -198,8 +199,9 @@ def _texts(name: str, item: Estimate) -> tuple[str, str, str]:
     return shown.text(item.value), shown.unit, interval_in(shown, item.ci95)
 
 
-def open_panel(item: Open) -> Markup:
-    """Give one statement that stays open, with its evidence and what to do next."""
+def open_panel(item: Open, units: Mapping[str, str]) -> Markup:
+    """Give one statement that stays open, with its evidence and what to do next. `units`: of the equations, by name."""
+    shown = error_scale(units.get(str(item.evidence.get("equation")), ""))
     evidence = {key: value for key, value in item.evidence.items() if value is not None}
     meaning = str(evidence.pop("meaning", "")) or meaning_of(item.verdict)
     off = ""
@@ -211,9 +213,9 @@ def open_panel(item: Open) -> Markup:
         evidence.pop(key, None)
     if item.times:
         evidence["times"] = ", ".join(f"{time:.4g} s" for time in item.times)
-    if isinstance(evidence.get("unit"), str):
-        evidence["unit"] = unit_text(str(evidence["unit"]))
-    terms = [part for key, value in evidence.items() for part in (element("dt", key.replace("_", " ")), _shown(value))]
+    terms = []
+    for key, words, value, unit in in_words(evidence, shown):
+        terms += [element("dt", words, title=meaning_of_key(key)), _shown(value, unit_text(unit))]
     return element(
         "div",
         element("h3", f"{heading} ", badge(item.verdict)),
@@ -225,8 +227,8 @@ def open_panel(item: Open) -> Markup:
     )
 
 
-def _shown(value: JsonValue) -> Markup:
-    return element("dd", _words(value))
+def _shown(value: JsonValue, unit: str) -> Markup:
+    return element("dd", f"{_words(value)} {unit}".rstrip())
 
 
 def _words(value: JsonValue) -> str:
