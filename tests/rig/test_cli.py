@@ -59,6 +59,16 @@ def test_a_run_logs_the_measurement_and_its_set_up_apart(campaign):
     assert run.events[0].text == "dwell"
 
 
+def test_a_log_is_shown_with_short_lines_for_its_devices_and_in_full_as_json(campaign):
+    log = campaign / "locked-output-angle-1.mcap"
+    shown = rig("show", log).stdout
+    assert "motor: cia402, node 1 on simulated 'bench', serial 0x00000001, " in shown
+    assert "settings changed" in shown
+    assert "(identity and settings in full: rig show --json)" in shown
+    assert max(map(len, shown.splitlines())) < 200
+    assert "vendor" in json.loads(rig("show", log, "--json").stdout)["metadata"]["devices"]
+
+
 def test_a_log_carries_its_provenance(campaign):
     (run,) = load_runs([campaign])
     for key in (
