@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
-from rich.table import Table
 
 from drivers.clock import Clock, RealClock
 from drivers.errors import ConfigError, LimitError, Mistake, RigError
@@ -19,6 +18,7 @@ from procedures.plan import PlannedRun, build_parameters
 from procedures.registry import PROCEDURES
 from rig.bench import Bench, FixtureLock
 from rig.commands.measurements import measurement_table
+from rig.commands.walk import Walk, nearest_limit, walk_table
 from rig.config.bench import BenchFile, Lock, load_bench, naming_the_bench
 from rig.config.catalogue import doubt
 from rig.config.dut import Dut, default_dut, load_dut
@@ -250,18 +250,23 @@ def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Mode
     if options.as_json:
         emit({"dry_run": rows, "duration_s": duration, "assumed": list(assumed)})
         return
-    table = Table(title="Dry run: nothing was moved", header_style="bold")
-    for heading in ("run", "s", "phases", "largest, with its limit"):
-        table.add_column(heading, overflow="fold")
-    for record in records:
-        extremes = ", ".join(f"{n} {v:.4g} of {b:.4g}" for n, v, b in margin_table(record, simulated.bench))
-        told = ", ".join(f"{text} at {time:.1f}" for time, text in phases[record.file.stem])
-        table.add_row(f"{record.procedure}-{record.name}", f"{record.outcome.duration:.1f}", told, extremes)
-    Console().print(table)
+    walks = [
+        Walk(
+            f"{record.procedure}-{record.name}",
+            record.procedure,
+            record.set_up,
+            record.outcome.duration,
+            phases[record.file.stem],
+            margin_table(record, simulated.bench),
+        )
+        for record in records
+    ]
+    Console().print(walk_table(walks))
     moves = sum(record.set_up for record in records)
     tell(f"{runs_and_moves(len(records) - moves, moves)} took {length(duration)} of bench time")
     for line in assumed:
         tell(f"assumed: {line}")
+    tell(nearest_limit(walks))
 
 
 def planned_time(plans: Plans) -> str:

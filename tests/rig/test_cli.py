@@ -318,6 +318,16 @@ def test_the_planned_time_of_all_runs_is_told_before_they_start(tmp_path):
     assert float(planned[2]) == pytest.approx(float(planned[3]) + float(planned[4]), abs=1.5)
 
 
+def test_a_dry_run_shows_runs_through_the_same_phases_once_and_ends_with_the_nearest_limit(tmp_path):
+    answer = rig("run", "backdrive", *SHORT_BACKDRIVE, "--repeat", 3, "--dry-run")
+    assert "and 2 more like it" in " ".join(answer.stdout.replace("│", " ").split())
+    assert answer.stdout.count("dwell at 0.0") == 1
+    last = answer.stderr.splitlines()[-1]
+    found = re.fullmatch(r"All within limits; nearest: (\w+) ([\d.]+) of ([\d.]+) (\S+) \((\d+) %\) in (\S+)", last)
+    assert found is not None, last
+    assert float(found[5]) == pytest.approx(100.0 * float(found[2]) / float(found[3]), abs=0.6)
+
+
 def test_a_dry_run_tells_the_planned_time_before_it_starts(tmp_path):
     answer = rig("run", "backdrive", *SHORT_BACKDRIVE, "--dry-run")
     assert answer.stderr.startswith("Planned: 1 run with 1 set-up move, ")
