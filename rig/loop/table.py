@@ -20,6 +20,7 @@ from rig.loop.result import (
     Step,
     above_floor,
 )
+from rig.terminal import counted
 from sim_backend.model.compliance import LAWS
 
 TITLES = ("equation", "unit", "before", "after", "floor", "floor 95 %", "max after")
@@ -78,7 +79,7 @@ MOST_LISTED = 6
 
 def headline(result: LoopResult) -> str:
     """Say the verdict with its meaning, from how many runs, and what was added."""
-    held = f"{len(result.train)} runs fitted, {len(result.held_out)} held out"
+    held = f"{counted(len(result.train), 'run')} fitted, {len(result.held_out)} held out"
     added = f"added: {', '.join(result.effects)}" if result.effects else "nothing was added"
     return f"Verdict: {result.verdict}: {MEANINGS[result.verdict]} ({held}; {added})."
 

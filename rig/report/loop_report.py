@@ -21,6 +21,7 @@ from rig.report.loop_sections import (
 from rig.report.page import page, section
 from rig.report.reading import LoopRecord
 from rig.report.sentences import floor_remark, meaning_of, statement
+from rig.terminal import counted
 
 BEFORE_AFTER = (
     "Before is the base model alone, after is base model and effects fitted together. The floor is what noise alone "
@@ -65,7 +66,7 @@ def loop_page(record: LoopRecord, software: str) -> str:
 def _head(loop: LoopFile, device: str) -> Markup:
     nexts = next_experiments(loop)
     box = element("div", element("h3", "Measure next"), *map(next_box, nexts), class_="panel") if nexts else NOTHING
-    held = f"{len(loop.runs.train)} runs fitted, {len(loop.runs.held_out)} held out"
+    held = f"{counted(len(loop.runs.train), 'run')} fitted, {len(loop.runs.held_out)} held out"
     meaning = meaning_of(loop.verdict)
     return joined(
         [

@@ -22,6 +22,7 @@ from rig.report.numbers import (
 )
 from rig.report.page import row, table
 from rig.report.sentences import meaning_of, place_of, title_of
+from rig.terminal import counted
 from sim_backend.model.effects import CATALOGUE
 
 ERROR_TITLES = ("equation", "unit", "before", "after", "removed", "floor", "floor, 95 %", "max before", "max after", "")
@@ -297,7 +298,7 @@ def runs_table(facts: Sequence[RunFacts], loop: LoopFile) -> Markup:
     told = [place for place in range(len(titles)) if any(line[place] for line in content)]
     numbers = frozenset(told.index(place) for place in (4, 5) if place in told)
     rows = [row([line[place] for place in told], numbers) for line in content]
-    return table(f"{len(sides)} runs", [titles[place] for place in told], rows, numbers)
+    return table(counted(len(sides), "run"), [titles[place] for place in told], rows, numbers)
 
 
 def _facts(item: RunFacts | None) -> tuple[str, ...]:

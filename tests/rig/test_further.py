@@ -13,9 +13,11 @@ from rig.commands.loop import LoopCommand, _typed, dut_of, print_result
 from rig.config.bench import load_bench
 from rig.config.dut import default_dut
 from rig.log.run import ProcedureName, Run
+from rig.loop.experiment.next import NO_EFFECT
 from rig.loop.files.model_check import mistakes_in
 from rig.loop.result import EquationResult, Errors, LoopResult, NextExperiment, Open, Verdict
-from rig.loop.table import text_of
+from rig.loop.table import headline, text_of
+from sim_backend.model.effects import CATALOGUE
 
 SURVEY = "rig run free-run --set free-run.speeds=5,10,20,40,80,160 --set free-run.load_torques=-9.6,0,9.6 --repeat 2"
 
@@ -101,6 +103,15 @@ def test_options_of_the_loop_are_typed_again_where_they_are_not_the_usual_ones()
     other = replace(usual, base=Path("m.json"), compliance="cubic", held_out=("a*", "b"), alpha=0.05, seed=3)
     words = "--base m.json --compliance cubic --held-out a* --held-out b --alpha 0.05 --seed 3"
     assert _typed(other) == tuple(words.split())
+
+
+def test_one_run_is_told_as_one():
+    assert "(1 run fitted, 1 held out; nothing was added)" in headline(result())
+
+
+def test_the_rival_that_nothing_is_missing_is_no_effect_of_the_catalogue():
+    assert NO_EFFECT == "no effect"
+    assert NO_EFFECT not in CATALOGUE
 
 
 def test_an_error_above_its_floor_is_said_below_the_table(capsys):
