@@ -143,7 +143,7 @@ def _summary_at(load: float | None, runs: list[dict[str, Measurement]]) -> Itera
         yield Measurement(
             f"viscous_friction{at_load}",
             fitted.viscous.value,
-            "N*m*s/rad",
+            "N*m*s",
             fitted.viscous.uncertainty,
             "rise of the friction torque with motor speed",
         )

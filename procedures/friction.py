@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class FrictionLine:
-    """Coulomb torque N*m and viscous coefficient N*m*s/rad, seen at the motor."""
+    """Coulomb torque N*m and viscous coefficient N*m*s, seen at the motor."""
 
     coulomb: Value
     viscous: Value

@@ -48,10 +48,14 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class RunRecord:
-    """One run that was carried out: its name, log file, how it ended, what it measured, the error that ended it."""
+    """One run that was carried out: its name, log file, how it ended, what it measured, the error that ended it.
+
+    `group`: what the run shares with its replicates; its name where it has none.
+    """
 
     procedure: str
     name: str
+    group: str
     file: Path
     set_up: bool
     outcome: RunOutcome
@@ -221,7 +225,8 @@ def _run(session: Session, job: Job, planned: PlannedRun, assumed: tuple[str, ..
     finally:
         with suppress(RigError):  # the error that led here says more; a bench that was closed already stays so
             bench.close()
-    return RunRecord(job.procedure.name, planned.name, file, planned.set_up, outcome, result, error)
+    group = planned.replicate or planned.name
+    return RunRecord(job.procedure.name, planned.name, group, file, planned.set_up, outcome, result, error)
 
 
 def _closed(bench: Bench, error: RigError | None) -> RigError | None:

@@ -57,7 +57,7 @@ SAME_ORDER = 1e-3
 """1/rev within which a line has the order that an effect of fixed order has."""
 
 VISCOUS_SHARE = 0.01
-"""Assumed viscous friction at the motor, N*m*s/rad per N*m of starting torque: 1.2e-4 N*m*s for 12 mN*m."""
+"""Assumed viscous friction at the motor, N*m*s per N*m of starting torque: 1.2e-4 N*m*s for 12 mN*m."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,11 +33,16 @@ QUICKER = {
 }
 """Settings of examples that would take minutes, and what is run in their place."""
 
+DATA, MAPS = '"$HARMONIC_RIG_DATA"', "docs/examples"
+
 NOT_RUN = {
     "$ rig run locked-output --bench bench.toml --dut dut.toml -o runs/wednesday": "moves a motor",
-    "$ rig import vel_*.csv --map docs/examples/iiwa_joint4.toml -o runs/iiwa": "measured data",
+    "$ export HARMONIC_RIG_DATA=../shared/data": "a command of the shell",
+    f"$ rig import {DATA}/kuka_iiwa_joint4/vel_*.csv --map {MAPS}/iiwa_joint4.toml -o runs/iiwa": ("measured data"),
     "$ rig loop runs/iiwa --held-out 'vel_p5*' --held-out 'vel_p2*' -o runs/iiwa/loop": "measured data",
-    "$ rig import hold_sweep.csv --map docs/examples/cogging_map.toml -o runs/cogging": "measured data",
+    f"$ rig import {DATA}/motor_cogging_map/hold_sweep.csv --map {MAPS}/cogging_map.toml -o runs/cogging": (
+        "measured data"
+    ),
     "$ rig loop runs/cogging -o runs/cogging/loop": "measured data",
 }
 """Console examples that a test cannot run, and what they need; tests/rig covers what they are about."""

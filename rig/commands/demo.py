@@ -14,6 +14,7 @@ from rich.table import Table
 from drivers.clock import Clock, RealClock
 from procedures.plan import PlannedRun, build_parameters
 from procedures.registry import PROCEDURES
+from rig.commands.further import Asked, with_commands
 from rig.commands.loop import dut_of, print_files, print_result, write_loop
 from rig.commands.report import REPORT_NAME, write_report
 from rig.config.bench import load_bench
@@ -22,10 +23,13 @@ from rig.log.load import load_runs
 from rig.log.names import writable_folder
 from rig.loop.campaign import LoopOptions
 from rig.loop.display import interval_text
-from rig.loop.model.terms import Entry, periodic_effects
+from rig.loop.files.model_file import Model, ModelBase, ModelEffect, ModelLine
+from rig.loop.files.model_storage import write_model
+from rig.loop.model.terms import Entry, entry_of, periodic_effects
 from rig.loop.result import LoopResult
 from rig.loop.trace import trace
 from rig.operator import SimulatedOperator
+from rig.provenance import software_version
 from rig.session import Job, Provenance, RunRecord, Session, Watcher, run_jobs
 from rig.simulation import simulate
 from rig.stages import Stages
@@ -69,6 +73,8 @@ def demo_command(seed: int | None, out: Path, as_json: bool) -> None:
         stage("reading the logs")
         runs = load_runs([logs])
         result = trace(runs, dut_of(runs), LoopOptions(), on_stage=stage)
+        write_model(bench_model(hidden), out / "bench.json")
+        result = with_commands(result, runs, Asked((logs,), model=out / "bench.json"))
         stage("drawing and writing the result")
         files = write_loop(result, out / "loop")
         report = write_report(out / "loop", out / "loop" / REPORT_NAME)
@@ -114,6 +120,25 @@ def draw_effect(seed: int) -> ActiveEffect:
         else:
             values.append(parameter.typical)
     return ActiveEffect(effect, tuple(values))
+
+
+def bench_model(hidden: ActiveEffect) -> Model:
+    """Give the simulated bench with its hidden effect as a model, for `rig run --model`: a next experiment needs it."""
+    dut, effect = default_dut()[0], hidden.effect
+    known = {parameter.name: value for parameter, value in zip(effect.parameters, hidden.values, strict=True)}
+    line = ModelLine(order=known.get("order", 1.0), amplitude=known["amplitude"], phase=known["phase"])
+    term = ModelEffect(
+        effect=effect.id,
+        enters=entry_of(effect).value,
+        variable=effect.variable,
+        shape=effect.shape.value,
+        lines=(line,),
+        parameters={},
+    )
+    base = ModelBase(model="zhang-2014", ratio=dut.gear.ratio, parameters={})
+    return Model.model_validate(
+        {"schema": "rig.model/1", "dut": dut, "base": base, "effects": (term,), "software": software_version()}
+    )
 
 
 def record(

@@ -23,7 +23,10 @@ from rig.log.measurements import MEASUREMENTS, measurements_in
 from rig.log.recover import recover
 from rig.log.run import ENDINGS, Run
 from rig.log.show import Summary, describe
-from rig.terminal import emit, tell
+from rig.terminal import counted, emit, tell
+
+DEVICES = "devices"
+"""Key of the metadata under which the devices of a run are kept, as JSON."""
 
 
 def show_command(path: Path, as_json: bool) -> None:
@@ -133,12 +136,30 @@ def _print_summary(summary: Summary) -> None:
         if name == MEASUREMENTS and (measured := measurements_in(summary.metadata)):
             console.print(measurement_table("measured", measured))
             continue
-        first, *further = _lines(value, _units(name, summary.procedure))
+        lines = _devices(value) if name == DEVICES else []
+        first, *further = lines or _lines(value, _units(name, summary.procedure))
         line(f"{name:{widest}}", first)
         for text in further:
             line(" " * widest, text)
     for warning in summary.warnings:
         line("warning", warning)
+
+
+def _devices(text: str) -> list[str]:
+    """Give one short line for each device; identity and settings in full are for `--json`. None of an odd record."""
+    try:
+        devices = json.loads(text)
+        lines = []
+        for device in devices:
+            parts = [f"{device['name']}: {device['driver']}, {device['address']}"]
+            serial = device["identity"].get("serial")
+            parts += [f"serial {serial}"] if serial else []
+            changed = len(device["changed"])
+            parts += [f"{counted(changed, 'setting')} changed"] if changed else []
+            lines.append(", ".join([*parts, *device["warnings"]]))
+    except (ValueError, TypeError, KeyError, AttributeError):  # written by another program
+        return []
+    return [*lines, "(identity and settings in full: rig show --json)"] if lines else []
 
 
 def _units(key: str, procedure: str) -> dict[str, str]:

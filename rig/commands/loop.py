@@ -10,8 +10,8 @@ from rich.console import Console
 from drivers.clock import RealClock
 from drivers.errors import ConfigError, Mistake
 from drivers.spelling import did_you_mean
+from rig.commands.further import Asked, devices_of, with_commands
 from rig.config.dut import Dut, load_dut
-from rig.config.toml_file import parse_toml
 from rig.log.load import MOST_SAMPLES, READERS, load_runs
 from rig.log.names import writable_folder
 from rig.log.run import Run, endings, shortenings
@@ -22,7 +22,7 @@ from rig.loop.plot import plot_loop
 from rig.loop.predict import write_predictions
 from rig.loop.result import RESULT_NAME, LoopResult
 from rig.loop.signals.living import without_dead
-from rig.loop.table import headline, remaining_table, statements, table_of, text_of
+from rig.loop.table import headline, is_command, remaining_table, statements, table_of, text_of
 from rig.loop.trace import trace
 from rig.stages import Stages
 from rig.terminal import counted, emit, tell
@@ -79,7 +79,19 @@ def _traced(
     base = load_model(options.base) if options.base is not None else None
     dut = load_dut(options.dut)[0] if options.dut is not None else base.dut if base is not None else dut_of(runs)
     how = LoopOptions(options.held_out, options.alpha, options.seed, base, law, options.scheduler)
-    return trace(runs, dut, how, on_stage=stage)
+    result = trace(runs, dut, how, on_stage=stage)
+    return with_commands(result, runs, Asked(paths, options.dut, _typed(options)))
+
+
+def _typed(options: LoopCommand) -> tuple[str, ...]:
+    """Give the options of the search that differ from the usual ones, as they are typed."""
+    usual = LoopOptions()
+    words = [] if options.base is None else ["--base", str(options.base)]
+    words += [] if options.compliance is None else ["--compliance", options.compliance]
+    words += [word for pattern in options.held_out for word in ("--held-out", pattern)]
+    words += [] if options.alpha == usual.alpha else ["--alpha", f"{options.alpha:g}"]
+    words += [] if options.seed == usual.seed else ["--seed", str(options.seed)]
+    return (*words, *([] if options.scheduler is None else ["--scheduler", options.scheduler]))
 
 
 def _law(name: str | None) -> Compliance | None:
@@ -128,17 +140,17 @@ def _refuse_swapped(model_file: Path, paths: Sequence[Path]) -> None:
 
 def dut_of(runs: Sequence[Run]) -> Dut:
     """Give the device that the logs name in their attachment; without one, a device of which nothing is known."""
-    texts = {run.dut_text for run in runs if run.dut_text}
-    if not texts:
+    found = devices_of(runs)
+    if not found:
         tell("No --dut and none in the logs: nothing is known of the device (ratio, counts, catalogue values).")
         return Dut(name="unknown")
-    if len(texts) > 1:
+    if len(found) > 1:
         raise ConfigError(
             "--dut",
-            [Mistake("--dut", "", f"the logs come from {len(texts)} different devices under test")],
+            [Mistake("--dut", "", f"the logs come from {len(found)} different devices under test")],
             hint="Give the logs of one device, or name the device with --dut.",
         )
-    return parse_toml(texts.pop(), Dut, f"dut attached to {runs[0].file}")
+    return found[0]
 
 
 def write_loop(result: LoopResult, out: Path) -> LoopFiles:
@@ -170,4 +182,4 @@ def print_result(result: LoopResult) -> None:
     console.print(headline(result), style="bold", highlight=False, markup=False)
     console.print(table_of(result))
     for line in statements(result):
-        console.print(line, highlight=False, markup=False)
+        console.print(line, highlight=False, markup=False, soft_wrap=is_command(line))

@@ -1,14 +1,14 @@
 """`rig run`: open the bench, run the procedures, log every run; or walk through them in simulation (dry run)."""
 
 import math
+import shlex
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
-from rich.table import Table
 
 from drivers.clock import Clock, RealClock
 from drivers.errors import ConfigError, LimitError, Mistake, RigError
@@ -18,11 +18,13 @@ from procedures.plan import PlannedRun, build_parameters
 from procedures.registry import PROCEDURES
 from rig.bench import Bench, FixtureLock
 from rig.commands.measurements import measurement_table
+from rig.commands.walk import Walk, nearest_limit, walk_table
 from rig.config.bench import BenchFile, Lock, load_bench, naming_the_bench
 from rig.config.catalogue import doubt
 from rig.config.dut import Dut, default_dut, load_dut
 from rig.facts import bench_facts
 from rig.log.load import load_run, logs_in
+from rig.log.names import NEXT_FOLDER
 from rig.log.run import ProcedureName
 from rig.loop.campaign import FEWEST_RUNS
 from rig.loop.files.model_file import Model
@@ -248,18 +250,23 @@ def _dry_run(jobs: tuple[Job, ...], bench_file: BenchFile, dut: Dut, model: Mode
     if options.as_json:
         emit({"dry_run": rows, "duration_s": duration, "assumed": list(assumed)})
         return
-    table = Table(title="Dry run: nothing was moved", header_style="bold")
-    for heading in ("run", "s", "phases", "largest, with its limit"):
-        table.add_column(heading, overflow="fold")
-    for record in records:
-        extremes = ", ".join(f"{n} {v:.4g} of {b:.4g}" for n, v, b in margin_table(record, simulated.bench))
-        told = ", ".join(f"{text} at {time:.1f}" for time, text in phases[record.file.stem])
-        table.add_row(f"{record.procedure}-{record.name}", f"{record.outcome.duration:.1f}", told, extremes)
-    Console().print(table)
+    walks = [
+        Walk(
+            f"{record.procedure}-{record.name}",
+            record.procedure,
+            record.set_up,
+            record.outcome.duration,
+            phases[record.file.stem],
+            margin_table(record, simulated.bench),
+        )
+        for record in records
+    ]
+    Console().print(walk_table(walks))
     moves = sum(record.set_up for record in records)
     tell(f"{runs_and_moves(len(records) - moves, moves)} took {length(duration)} of bench time")
     for line in assumed:
         tell(f"assumed: {line}")
+    tell(nearest_limit(walks))
 
 
 def planned_time(plans: Plans) -> str:
@@ -361,10 +368,25 @@ def _report(records: tuple[JobRecord, ...], options: RunOptions) -> None:
     console = Console()
     for record in records:
         console.print(measurement_table(record.procedure, record.result.measurements))
-    # a starting torque is no equation of the loop, and of a single run nothing can be held out
-    usable = [log for log in logs_in(options.out) if not log.name.startswith(f"{ProcedureName.STARTING_TORQUE}-")]
-    enough = len(usable) >= FEWEST_RUNS
-    tell(f"Logs in {options.out}." + (f" Next: rig loop {options.out}" if enough else ""))
+    tell(f"Logs in {options.out}.{_loop_to_come(records, options.out)}")
+
+
+def _loop_to_come(records: Sequence[JobRecord], out: Path) -> str:
+    """Say how the loop is called on these logs; nothing where it would refuse them.
+
+    A starting torque is no equation of the loop; of a single run, or of replicates alone, nothing can be held out. Of
+    a further experiment the loop reads the earlier logs as well, which lie in the folder above.
+    """
+    earlier = logs_in(out.parent) if out.name.partition("-")[0] == NEXT_FOLDER else []
+    if earlier:
+        return f" Next: rig loop {shlex.join([str(out.parent), str(out)])}, with the options of the loop before"
+    usable = [log for log in logs_in(out) if not log.name.startswith(f"{ProcedureName.STARTING_TORQUE}-")]
+    new = {(record.procedure, run.group) for record in records for run in record.runs if not run.set_up}
+    new = {(procedure, group) for procedure, group in new if procedure != ProcedureName.STARTING_TORQUE}
+    added = [run.file for record in records for run in record.runs]
+    distinct = len(new) > len({procedure for procedure, _ in new})
+    enough = distinct if set(usable) <= set(added) else len(usable) >= FEWEST_RUNS
+    return f" Next: rig loop {shlex.join([str(out)])}" if enough else ""
 
 
 def _measurement(m: Measurement) -> dict[str, object]:

@@ -8,14 +8,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.errors import DataError
+from drivers.errors import ConfigError, DataError
 from drivers.signals import AUXILIARY_PREFIX, BY_NAME, INTEGER_SIGNALS, TIME
 from drivers.types import Sample
 from rig.log.csv_file import (
     column_warnings,
     contract_column,
     missing_in,
+    near_miss_facts,
     near_miss_signal,
+    read_facts,
     refuse_overflow,
     split_header,
 )
@@ -43,16 +45,19 @@ def import_files(files: Sequence[Path], mapping: Path | None, out: Path) -> list
     `mapping`: a mapping file; None where the columns have contract names and units. All files are read before the
     first is written. Each value of a mapped column, or of an unmapped one with contract name and unit, must be a
     finite number; in the latter a cell `NA` says that it was not measured. Any other column is kept as an auxiliary
-    signal if all its cells are numbers. Raises ConfigError for the mapping or an existing output, DataError with
-    file, column and row.
+    signal if all its cells are numbers. The sidecar `x.toml` of a CSV `x.csv` is read too; what `[run]` of the mapping
+    says wins. Raises ConfigError for the mapping, a sidecar or an existing output, DataError with file, column and row.
     """
     rules, text = (ImportMap(), "") if mapping is None else load_map(mapping)
-    recordings = [_cut(read_recording(file, rules), rules.run.split) for file in files]
+    recordings = [_cut(read_recording(file, rules, mapping), rules.run.split) for file in files]
     return [path for recording in recordings for path in _write(recording, rules.run.split, text, out)]
 
 
-def read_recording(file: Path, rules: ImportMap) -> Run:
-    """Give a foreign recording as one run in SI. Raises DataError with file, column and row."""
+def read_recording(file: Path, rules: ImportMap, mapping: Path | None = None) -> Run:
+    """Give a foreign recording as one run in SI. `mapping`: the file of the rules, which is no sidecar.
+
+    Raises DataError with file, column and row, ConfigError for a sidecar.
+    """
     wanted = {item.column for item in rules.signals.values()}
     table = read_foreign(file, lambda header: header in wanted or _is_taken_as_it_is(header, rules))
     missing = sorted((wanted | set(rules.ignore)) - set(table.columns))
@@ -94,19 +99,44 @@ def read_recording(file: Path, rules: ImportMap) -> Run:
         warnings.append(f"column '{name}' left out: {len(auxiliary.pop(name))} values, time has {len(time)}")
     found = signals | auxiliary
     warnings.extend(column_warnings(found, missing_in(found), len(time)))
+    beside, notes = _sidecar_facts(file, mapping, whole=rules.run.split is None)
+    warnings.extend(notes)
     run = make_run(
         file,
         time,
         signals,
         auxiliary,
         {name: units[name] for name in auxiliary},
-        rules.facts(),
+        {**beside, **rules.facts()},
         warnings=warnings,
         row_of=table.row_of,
     )
     # a log keeps whole nanoseconds
     check_stamps(len(run.time), len(np.unique(np.round(run.time * 1e9))), file)
     return run
+
+
+def _sidecar_facts(file: Path, mapping: Path | None, *, whole: bool) -> tuple[dict[str, str], list[str]]:
+    """Give what the sidecar of a CSV says, and warnings; of a recording that is cut not what holds for its whole only.
+
+    Without a mapping the CSV is that of the contract and its sidecar must be right; beside a mapping another file may
+    have that name.
+    """
+    sidecar = file.with_suffix(".toml")
+    if file.suffix.lower() != ".csv" or not sidecar.is_file():
+        return {}, []
+    if mapping is not None and sidecar.resolve() == mapping.resolve():
+        return {}, []
+    try:
+        found = read_facts(sidecar)
+    except ConfigError:
+        if mapping is None:
+            raise
+        return {}, [f"{sidecar.name} beside it is no sidecar and was not read"]
+    facts = found.metadata()
+    if not whole:
+        facts = {key: value for key, value in facts.items() if key not in ("replicate", "start_angle", "run_id")}
+    return facts, near_miss_facts(found)
 
 
 def _has_contract_name(header: str) -> bool:

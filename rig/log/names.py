@@ -6,6 +6,9 @@ from pathlib import Path
 
 from drivers.errors import ConfigError, Mistake
 
+NEXT_FOLDER = "next"
+"""Folder of a further experiment, in that of the logs that asked for it; -2, -3 follow where it is taken."""
+
 _MAX_LENGTH = 80
 _RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 

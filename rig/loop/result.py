@@ -4,11 +4,11 @@ Before is the base model refitted without the effects, after is base and effects
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from enum import StrEnum
 from types import MappingProxyType
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 from rig.loop.files.model_file import Model
 from rig.loop.files.views_file import Views
@@ -17,6 +17,9 @@ SCHEMA = "rig.loop/1"
 
 RESULT_NAME = "loop.json"
 """What `rig loop` calls the result in its folder."""
+
+ABOVE_FLOOR = 1.5
+"""Times the upper end of the floor's interval beyond which what is left is no longer noise."""
 
 Json: TypeAlias = "bool | int | float | str | Sequence[Json] | Mapping[str, Json] | None"
 """What a JSON file can hold."""
@@ -66,6 +69,47 @@ class Errors:
     by_procedure: Mapping[str, "Errors"] = field(default_factory=dict)
 
 
+class Judged(Protocol):
+    """Errors of an equation or of one procedure in it, as the loop gives them or as a report reads them."""
+
+    @property
+    def rms_after(self) -> float | None:
+        """Error with what was added."""
+
+    @property
+    def floor_ci95(self) -> tuple[float | None, float | None] | None:
+        """Interval of the floor."""
+
+    @property
+    def by_procedure(self) -> "Mapping[str, Judged]":
+        """The same for every procedure."""
+
+
+def above_floor(held_out: Mapping[str, Judged], told: Set[tuple[str, str]]) -> str:
+    """Say which errors lie above their floor's interval and are taken for noise all the same; "" where none does.
+
+    `held_out`: by equation; `told`: equation and procedure ("" for all) of open statements, which say more.
+    """
+    names = []
+    for equation, whole in held_out.items():
+        found = [p for p, errors in whole.by_procedure.items() if _above(errors) and (equation, p) not in told]
+        if (equation, "") in told or not (found or _above(whole)):
+            continue
+        if found or not any(name == equation for name, _ in told):
+            names.append(equation + (f" ({', '.join(found)})" if found else ""))
+    if not names:
+        return ""
+    return (
+        f"After lies above the floor's interval in {', '.join(names)}. Up to {ABOVE_FLOOR:g} times its upper end, or "
+        "what a play or smoothing carries on of the noise, still counts as noise: few runs tell of the floor."
+    )
+
+
+def _above(errors: Judged) -> bool:
+    high = errors.floor_ci95[1] if errors.floor_ci95 is not None else None
+    return errors.rms_after is not None and high is not None and errors.rms_after > high
+
+
 @dataclass(frozen=True, slots=True)
 class EquationResult:
     """Errors of one equation on held-out and on training runs; None where no run allows the equation."""
@@ -95,11 +139,17 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A class that was tried: gain in weighted squares, and p-value for all that was tried with it."""
+    """A class that was tried: gain in weighted squares, and p-value for all that was tried with it.
+
+    `variable`, `enters`: on what it depends and where it acts, "" where its name says it; `order`: of a line.
+    """
 
     effect: str
     gain: float
     p_value: float
+    variable: str = ""
+    enters: str = ""
+    order: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,12 +163,16 @@ class Shift:
 
 @dataclass(frozen=True, slots=True)
 class NextExperiment:
-    """What to measure next, as a ready command. Separation in standard deviations, None if not computed."""
+    """What to measure next, as a ready command, and the loop over old and new logs to type `then`, "" where not known.
+
+    Separation in standard deviations, None if not computed.
+    """
 
     why: str
     command: str
     expected_separation_sigma: float | None = None
     minutes: float | None = None
+    then: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,6 +288,18 @@ def _next(experiment: NextExperiment | None) -> Json:
         "command": experiment.command,
         "expected_separation_sigma": _number(experiment.expected_separation_sigma),
         "minutes": _number(experiment.minutes),
+        "then": experiment.then,
+    }
+
+
+def _candidate(item: Candidate) -> dict[str, Json]:
+    return {
+        "effect": item.effect,
+        "variable": item.variable,
+        "enters": item.enters,
+        "order": _number(item.order),
+        "gain": _number(item.gain),
+        "p_value": _number(item.p_value),
     }
 
 
@@ -247,9 +313,7 @@ def _step(step: Step) -> dict[str, Json]:
         "lines": [{"order": x.order, "amplitude": x.amplitude, "phase": x.phase} for x in step.lines],
         "equation": step.equation,
         "parameters": {name: estimate_json(value) for name, value in step.parameters.items()},
-        "candidates": [
-            {"effect": c.effect, "gain": _number(c.gain), "p_value": _number(c.p_value)} for c in step.candidates
-        ],
+        "candidates": [_candidate(item) for item in step.candidates],
         "p_value": _number(step.p_value),
         "held_out": {
             name: {"rms_before": _number(before), "rms_after": _number(after)}

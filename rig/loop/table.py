@@ -6,9 +6,21 @@ from types import MappingProxyType
 from rich.table import Table
 
 from rig.loop.display import SCALES, interval_text
+from rig.loop.files.evidence_keys import in_words
 from rig.loop.files.model_file import ModelBase, ModelEstimate
 from rig.loop.predict import Predicted
-from rig.loop.result import MEANINGS, Errors, Estimate, LoopResult, NextExperiment, Open, Step
+from rig.loop.result import (
+    MEANINGS,
+    EquationResult,
+    Errors,
+    Estimate,
+    LoopResult,
+    NextExperiment,
+    Open,
+    Step,
+    above_floor,
+)
+from rig.terminal import counted
 from sim_backend.model.compliance import LAWS
 
 TITLES = ("equation", "unit", "before", "after", "floor", "floor 95 %", "max after")
@@ -67,21 +79,29 @@ MOST_LISTED = 6
 
 def headline(result: LoopResult) -> str:
     """Say the verdict with its meaning, from how many runs, and what was added."""
-    held = f"{len(result.train)} runs fitted, {len(result.held_out)} held out"
+    held = f"{counted(len(result.train), 'run')} fitted, {len(result.held_out)} held out"
     added = f"added: {', '.join(result.effects)}" if result.effects else "nothing was added"
     return f"Verdict: {result.verdict}: {MEANINGS[result.verdict]} ({held}; {added})."
 
 
 def statements(result: LoopResult) -> list[str]:
-    """Give the base parameters that were fitted, a few lines for every step and open statement, one per warning."""
-    lines = _base(result.model.base)
+    """Give what is above the floor, the base parameters, a few lines per step and open statement, one per warning."""
+    lines = [text] if (text := floor_remark(result)) else []
+    lines += _base(result.model.base)
     for step in result.steps:
         lines.append(f"+ {step.effect} in {step.equation}, false-alarm probability {step.p_value:.1g}")
         lines += [f"    {text}" for text in _parameters(step)] + _next(step.next_experiment)
     for item in result.open:
-        lines.append("? " + _statement(item))
+        lines.append("? " + _statement(item, result.equations))
         lines += _next(item.next_experiment)
     return lines + [f"! {warning}" for warning in result.warnings]
+
+
+def floor_remark(result: LoopResult) -> str:
+    """Say which errors lie above the floor's interval and are no statement; "" where none does."""
+    held_out = {name: item.held_out for name, item in result.equations.items() if item.held_out is not None}
+    told = {(str(x.evidence.get("equation", "")), str(x.evidence.get("procedure", ""))) for x in result.open}
+    return above_floor(held_out, told)
 
 
 def _base(base: ModelBase) -> list[str]:
@@ -115,16 +135,20 @@ def _shown(name: str, estimate: Estimate | ModelEstimate) -> str:
     return f"{value}{within} {estimate.unit}".rstrip()
 
 
-def _statement(item: Open) -> str:
+def _statement(item: Open, equations: Mapping[str, EquationResult]) -> str:
     """Give verdict, place and meaning of an open statement, then its numbers."""
     evidence = dict(item.evidence)
+    known = equations.get(str(evidence.get("equation")))
+    shown, scale = ("", 1.0) if known is None else SCALES.get(known.unit, (known.unit, 1.0))
     place = " in ".join(str(evidence.pop(key)) for key in ("equation", "procedure") if key in evidence)
     what = place or " | ".join(item.group)
     if item.parameter is not None and item.deviation is not None:
         what = f"{item.parameter} is {100 * item.deviation:+.1f} % off its catalogue value, by {' | '.join(item.group)}"
     meaning = evidence.pop("meaning", "")
-    numbers = ", ".join(f"{name} {_short(value)}" for name, value in evidence.items() if value is not None)
-    return f"{item.verdict}: {what}: {meaning} ({numbers})"
+    numbers = [
+        f"{words} {_short(value)} {unit}".rstrip() for _, words, value, unit in in_words(evidence, (shown, scale))
+    ]
+    return f"{item.verdict}: {what}: {meaning} ({', '.join(numbers)})"
 
 
 def _next(experiment: NextExperiment | None) -> list[str]:
@@ -134,7 +158,12 @@ def _next(experiment: NextExperiment | None) -> list[str]:
     told = [] if sigma is None else [f"expected separation {sigma:.2g} sigma"]
     told += [] if minutes is None else [f"{minutes:.2g} minutes of bench time"]
     lines = [f"    next: {experiment.why}" + (f" ({', '.join(told)})" if told else "")]
-    return lines + ([f"    `{experiment.command}`"] if experiment.command else [])
+    return lines + [f"    {command}" for command in (experiment.command, experiment.then) if command]
+
+
+def is_command(line: str) -> bool:
+    """Tell whether a line of the statements is a command, which must stay in one line to be copied."""
+    return line.startswith("    rig ")
 
 
 def rows_of(result: LoopResult) -> list[tuple[str, ...]]:

@@ -43,6 +43,7 @@ from rig.loop.statements.wrong_experiment import wrong_experiments
 from rig.loop.workers.held import Held
 from rig.loop.workers.hold import hold
 from rig.provenance import software_version
+from rig.terminal import counted
 from sim_backend.model.compliance import Compliance
 
 SAME_SPEED = 1.05
@@ -119,10 +120,10 @@ def _traced(
             expected="both positions and the ratio, or a torque or current with a position",
             hint="Check the channels in the log, and the ratio in the device file.",
         )
-    on_stage(f"fitting {len(campaign.train)} runs and searching what they leave")
+    on_stage(f"fitting {counted(len(campaign.train), 'run')} and searching what they leave")
     known = known_parameters(dut, ratio)
     base, selection, fastest = _selected(pieces, start, options.alpha, known, on_stage)
-    on_stage(f"looking at the {len(campaign.held_out)} held-out runs")
+    on_stage(f"looking at {counted(len(campaign.held_out), 'held-out run')}")
     fastest = min(fastest, _known_speed(pieces, selection))
     final = selection.fit
     pairs = tracks.spread(_before_and_after, ratio, fastest, base.model, final.model).gather()

@@ -57,6 +57,9 @@ class Candidate(Tolerant):
     effect: str
     gain: float | None = None
     p_value: float | None = None
+    variable: str = ""
+    enters: str = ""
+    order: float | None = None
 
 
 class Shift(Tolerant):
@@ -74,6 +77,7 @@ class NextExperiment(Tolerant):
     command: str = ""
     expected_separation_sigma: float | None = None
     minutes: float | None = None
+    then: str = ""
 
 
 class Step(Tolerant):

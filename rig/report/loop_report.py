@@ -20,7 +20,8 @@ from rig.report.loop_sections import (
 )
 from rig.report.page import page, section
 from rig.report.reading import LoopRecord
-from rig.report.sentences import meaning_of, statement
+from rig.report.sentences import floor_remark, meaning_of, statement
+from rig.terminal import counted
 
 BEFORE_AFTER = (
     "Before is the base model alone, after is base model and effects fitted together. The floor is what noise alone "
@@ -29,6 +30,10 @@ BEFORE_AFTER = (
 SPECTRUM = (
     "Least squares over the angle (each run with a mean of its own), not over time: what repeats with the angle stands "
     "at the same order at every speed. Each point is the highest amplitude of a small interval of orders."
+)
+TRIED = (
+    "Each class alone, on top of what had been added before. The p-value counts all tests that were made; – where that "
+    "bound reaches 1 and says nothing."
 )
 ZOOM = "Zoom: drag a rectangle, or use the buttons or + and − in a plot; arrows or shift and drag move, 0 shows all."
 
@@ -40,7 +45,7 @@ def loop_page(record: LoopRecord, software: str) -> str:
     sections = {
         "Before and after": ("errors", _errors(loop)),
         "What was added": ("added", _added(loop)),
-        "What stays open": ("open", joined(map(open_panel, loop.open)) if loop.open else None),
+        "What stays open": ("open", _open(loop)),
         "Residual before and after": ("residual", _residuals(record.views.residuals)),
         "Hysteresis loops": ("hysteresis", _cycles(record)),
         "Spectrum over the angle": ("spectrum", _spectra(record)),
@@ -61,7 +66,7 @@ def loop_page(record: LoopRecord, software: str) -> str:
 def _head(loop: LoopFile, device: str) -> Markup:
     nexts = next_experiments(loop)
     box = element("div", element("h3", "Measure next"), *map(next_box, nexts), class_="panel") if nexts else NOTHING
-    held = f"{len(loop.runs.train)} runs fitted, {len(loop.runs.held_out)} held out"
+    held = f"{counted(len(loop.runs.train), 'run')} fitted, {len(loop.runs.held_out)} held out"
     meaning = meaning_of(loop.verdict)
     return joined(
         [
@@ -77,14 +82,20 @@ def _errors(loop: LoopFile) -> Markup | None:
     held, train = errors_table(loop, "held_out"), errors_table(loop, "train")
     if held is None and train is None:
         return None
+    remark = floor_remark(loop)
     fitted = element("details", element("summary", "The same on the fitted runs"), train) if held and train else train
-    return joined([element("p", BEFORE_AFTER), held, fitted])
+    return joined([element("p", BEFORE_AFTER), held, element("p", remark) if remark else None, fitted])
 
 
 def _added(loop: LoopFile) -> Markup:
     if not loop.steps:
         return element("p", "Nothing: no effect of the catalogue and no repeating term passes the tests.")
     return joined(step_panel(number, step) for number, step in enumerate(loop.steps, start=1))
+
+
+def _open(loop: LoopFile) -> Markup | None:
+    units = {name: item.unit for name, item in loop.equations.items()}
+    return joined(open_panel(item, units) for item in loop.open) if loop.open else None
 
 
 def _residuals(views: tuple[ResidualView, ...]) -> Markup:
@@ -118,7 +129,7 @@ def _tried(loop: LoopFile) -> Markup:
     found = listed_texts([text for text in loop.warnings if text.startswith(FOUND_NOT_ADDED)])
     if not any(tables) and found is None:
         return element("p", "Nothing came near enough to be listed: every candidate failed the false-alarm test.")
-    return joined([*tables, found])
+    return joined([element("p", TRIED) if any(tables) else None, *tables, found])
 
 
 def _warnings(loop: LoopFile) -> Markup | None:

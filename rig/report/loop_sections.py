@@ -6,6 +6,7 @@ from types import MappingProxyType
 from pydantic import JsonValue
 
 from rig.loop.display import interval_text
+from rig.loop.files.evidence_keys import in_words, meaning_of_key
 from rig.loop.files.views_file import RunFacts
 from rig.report.html import Markup, element, joined
 from rig.report.loop_file import Candidate, Errors, Estimate, LoopFile, ModelFile, NextExperiment, Open, Shift, Step
@@ -21,6 +22,7 @@ from rig.report.numbers import (
 )
 from rig.report.page import row, table
 from rig.report.sentences import meaning_of, place_of, title_of
+from rig.terminal import counted
 from sim_backend.model.effects import CATALOGUE
 
 ERROR_TITLES = ("equation", "unit", "before", "after", "removed", "floor", "floor, 95 %", "max before", "max after", "")
@@ -132,14 +134,25 @@ def next_box(experiment: NextExperiment) -> Markup:
         figures.append(f"expected separation {experiment.expected_separation_sigma:.3g} standard deviations")
     if experiment.minutes is not None:
         figures.append(f"{experiment.minutes:.3g} minutes on the bench")
-    command = element("pre", experiment.command, class_="command", tabindex=0) if experiment.command else None
     return joined(
         [
             element("p", experiment.why) if experiment.why else None,
             element("p", "; ".join(figures), class_="soft") if figures else None,
-            element("div", command, class_="command-line") if command is not None else None,
+            *_command(experiment.command),
+            *(
+                [element("p", "Then the loop over old and new logs:"), *_command(experiment.then)]
+                if experiment.then
+                else []
+            ),
         ]
     )
+
+
+def _command(text: str) -> list[Markup]:
+    """Give a command that is to be typed; of none nothing."""
+    if not text:
+        return []
+    return [element("div", element("pre", text, class_="command", tabindex=0), class_="command-line")]
 
 
 def next_experiments(loop: LoopFile) -> tuple[NextExperiment, ...]:
@@ -187,8 +200,9 @@ def _texts(name: str, item: Estimate) -> tuple[str, str, str]:
     return shown.text(item.value), shown.unit, interval_in(shown, item.ci95)
 
 
-def open_panel(item: Open) -> Markup:
-    """Give one statement that stays open, with its evidence and what to do next."""
+def open_panel(item: Open, units: Mapping[str, str]) -> Markup:
+    """Give one statement that stays open, with its evidence and what to do next. `units`: of the equations, by name."""
+    shown = error_scale(units.get(str(item.evidence.get("equation")), ""))
     evidence = {key: value for key, value in item.evidence.items() if value is not None}
     meaning = str(evidence.pop("meaning", "")) or meaning_of(item.verdict)
     off = ""
@@ -200,9 +214,9 @@ def open_panel(item: Open) -> Markup:
         evidence.pop(key, None)
     if item.times:
         evidence["times"] = ", ".join(f"{time:.4g} s" for time in item.times)
-    if isinstance(evidence.get("unit"), str):
-        evidence["unit"] = unit_text(str(evidence["unit"]))
-    terms = [part for key, value in evidence.items() for part in (element("dt", key.replace("_", " ")), _shown(value))]
+    terms = []
+    for key, words, value, unit in in_words(evidence, shown):
+        terms += [element("dt", words, title=meaning_of_key(key)), _shown(value, unit_text(unit))]
     return element(
         "div",
         element("h3", f"{heading} ", badge(item.verdict)),
@@ -214,8 +228,8 @@ def open_panel(item: Open) -> Markup:
     )
 
 
-def _shown(value: JsonValue) -> Markup:
-    return element("dd", _words(value))
+def _shown(value: JsonValue, unit: str) -> Markup:
+    return element("dd", f"{_words(value)} {unit}".rstrip())
 
 
 def _words(value: JsonValue) -> str:
@@ -249,20 +263,25 @@ def candidates_table(number: int, step: Step) -> Markup | None:
     """Give what was tried for one step: gain and p-value of every class, the best first."""
     if not step.candidates:
         return None
-    numbers = frozenset({1, 2, 3})
+    numbers = frozenset({2, 3, 4})
     ordered = sorted(step.candidates, key=lambda item: -(item.gain or 0.0))
     best = max((item.gain or 0.0 for item in ordered), default=0.0)
-    rows = [row(_candidate(item, best, step), numbers) for item in ordered]
-    titles = ("class", "gain in weighted squares", "of the best", "p-value", "outcome")
+    chosen = next((place for place, item in enumerate(ordered) if item.effect == step.effect), None)
+    rows = [row(_candidate(item, best, step, place == chosen), numbers) for place, item in enumerate(ordered)]
+    titles = ("class", "of what, and where", "gain in weighted squares", "of the best", "p-value", "outcome")
     return table(f"Tried for step {number}, {title_of(step)}", titles, rows, numbers)
 
 
-def _candidate(item: Candidate, best: float, step: Step) -> list[Markup | str]:
-    chosen = item.effect == step.effect
-    outcome = "added" if chosen else "in the set" if item.effect in step.members else "rejected"
+def _candidate(item: Candidate, best: float, step: Step, chosen: bool) -> list[Markup | str]:
+    added = chosen and not step.members
+    outcome = "added" if added else "in the set" if chosen or item.effect in step.members else "rejected"
     share = UNKNOWN if item.gain is None or best <= 0.0 else f"{100.0 * item.gain / best:.3g} %"
     gain = UNKNOWN if item.gain is None else f"{item.gain:.4g}"
-    return [item.effect, gain, share, probability_text(item.p_value), element("b", outcome) if chosen else outcome]
+    order = "" if item.order is None else f"order {item.order:.6g} of "
+    where = ", ".join(text for text in (f"{order}{item.variable}", item.enters) if text)
+    # a bound on the false-alarm probability that has reached 1 says nothing
+    p = UNKNOWN if item.p_value is None or item.p_value >= 1.0 else probability_text(item.p_value)
+    return [item.effect, where, gain, share, p, element("b", outcome) if chosen else outcome]
 
 
 def listed_texts(texts: Sequence[str]) -> Markup | None:
@@ -279,7 +298,7 @@ def runs_table(facts: Sequence[RunFacts], loop: LoopFile) -> Markup:
     told = [place for place in range(len(titles)) if any(line[place] for line in content)]
     numbers = frozenset(told.index(place) for place in (4, 5) if place in told)
     rows = [row([line[place] for place in told], numbers) for line in content]
-    return table(f"{len(sides)} runs", [titles[place] for place in told], rows, numbers)
+    return table(counted(len(sides), "run"), [titles[place] for place in told], rows, numbers)
 
 
 def _facts(item: RunFacts | None) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from rig.report.html import NOTHING, Markup, element, joined
 from rig.report.numbers import prefix_of, shown_as, signed, unit_text
 from rig.report.page import page, row, section, table
 from rig.report.sentences import listed
+from rig.terminal import counted
 
 POINTS = 1200
 """Samples of one run that a plot shows."""
@@ -57,7 +58,7 @@ def statement(runs: Sequence[Run]) -> str:
     if len(runs) == 1:
         return f"{runs[0].name}, {procedures}: {runs[0].ending or 'the run went as planned'}."
     ended = f"; {'; '.join(bad)}" if bad else ", all as planned"
-    return f"{len(runs)} runs of {procedures}{ended}."
+    return f"{counted(len(runs), 'run')} of {procedures}{ended}."
 
 
 def _section(run: Run, dut: Dut | None, number: int, alone: bool) -> Markup:

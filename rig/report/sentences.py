@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from rig.loop.result import MEANINGS, Verdict
+from rig.loop.result import MEANINGS, Verdict, above_floor
 from rig.report.loop_file import Equation, LoopFile, Open, Step
 from rig.report.numbers import error_scale, scaled
 
@@ -41,6 +41,13 @@ def place_of(item: Open) -> str:
     """Say of what an open statement speaks."""
     places = [str(item.evidence[key]) for key in ("equation", "procedure") if item.evidence.get(key)]
     return " in ".join(places) or listed(item.group, "or") or "this campaign"
+
+
+def floor_remark(loop: LoopFile) -> str:
+    """Say which errors lie above the floor's interval and are no statement; "" where none does."""
+    held_out = {name: item.held_out for name, item in loop.equations.items() if item.held_out is not None}
+    told = {(str(x.evidence.get("equation") or ""), str(x.evidence.get("procedure") or "")) for x in loop.open}
+    return above_floor(held_out, told)
 
 
 def largest_drop(loop: LoopFile) -> str | None:

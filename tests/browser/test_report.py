@@ -97,6 +97,17 @@ def test_a_wide_table_scrolls_within_itself_on_a_phone(page: Page, file: Path) -
     assert shown <= 360
 
 
+def test_a_shade_shows_at_which_edge_a_table_goes_on_and_no_number_is_broken(page: Page, file: Path) -> None:
+    page.open(file, *SIZES["phone"])
+    style = "getComputedStyle(document.querySelector('.scroll'))"
+    assert page.evaluate(f"{style}.backgroundAttachment") == "local, local, scroll, scroll"
+    assert page.evaluate(f"{style}.backgroundImage").count("linear-gradient") == 4
+    wraps = "[...document.querySelectorAll('td.number')].map((cell) => getComputedStyle(cell).whiteSpace)"
+    assert set(page.evaluate(wraps)) == {"nowrap"}
+    captions = "[...document.querySelectorAll('caption')].map((one) => one.getBoundingClientRect().right)"
+    assert max(page.evaluate(captions)) <= SIZES["phone"][0]
+
+
 @pytest.mark.parametrize("name", HOSTILE)
 def test_names_from_files_do_nothing(page: Page, tmp_path: Path, name: str) -> None:
     file = report(tmp_path, name)

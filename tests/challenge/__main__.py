@@ -1,9 +1,12 @@
 """Run the blind test, or print the table of what ran: `python -m tests.challenge --help`."""
 
 import argparse
+import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
+from rig.outlets import NobodyReads, guard_outlets
 from tests.challenge.cases import DEVELOPMENT, FAMILIES, REPORT
 from tests.challenge.run import lines_in, run_all
 from tests.challenge.table import report
@@ -51,4 +54,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    guard_outlets()
+    with suppress(NobodyReads):  # `| head` has read enough
+        main()
+        sys.stdout.flush()

@@ -1,8 +1,14 @@
 """What the table counts, and what it leaves out of which bar."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 from tests.challenge.table import Bar, bars, report
+
+ROOT = Path(__file__).parents[2]
 
 
 def line(family: str, naming: str, hidden: list[str] | None = None, **other: Any) -> dict[str, Any]:
@@ -93,3 +99,12 @@ def test_intervals_are_counted_over_all_cases_and_those_of_effects_and_base_apar
     assert counted(lines, "95 % intervals that hold the truth, all") == (1, 2)
     assert counted(lines, "95 % intervals that hold the truth, effects") == (0, 1)
     assert counted(lines, "95 % intervals that hold the truth, base") == (1, 1)
+
+
+def test_a_reader_that_stops_early_is_no_error(tmp_path: Path) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    command = [sys.executable, "-m", "tests.challenge", "--table", tmp_path]
+    done = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, text=True, cwd=ROOT, check=False)
+    os.close(writing)
+    assert (done.returncode, done.stderr) == (0, "")

@@ -1,7 +1,11 @@
 """Drivers by name, built in and plugged in."""
 
+import re
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -61,3 +65,13 @@ def test_a_plug_in_that_cannot_be_used_warns_and_is_left_out(monkeypatch: pytest
     with pytest.warns(UserWarning, match="was left out"):
         drivers = all_drivers()
     assert drivers["cia402"] in BUILT_IN
+
+
+def test_the_plug_in_of_the_documentation_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    page = (Path(__file__).parents[2] / "docs/architecture.md").read_text()
+    (project,), (code,) = (re.findall(rf"```{kind}\n(.*?)```", page, flags=re.S) for kind in ("toml", "python"))
+    ((name, value),) = tomllib.loads(project)["project"]["entry-points"]["rig.drivers"].items()
+    written: dict[str, Any] = {}
+    exec(code, written)
+    plugged_in(monkeypatch, Point(name, lambda: written[value.partition(":")[2]], value))
+    assert all_drivers()[name].name == name

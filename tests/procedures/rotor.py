@@ -20,7 +20,7 @@ C_W = 83.33
 
 @dataclass(frozen=True, slots=True)
 class Rotor:
-    """Breakaway and sliding torque N*m, inertia kg*m^2, viscous N*m*s/rad; torque command in steps of `step` N*m."""
+    """Breakaway and sliding torque N*m, inertia kg*m^2, viscous N*m*s; torque command in steps of `step` N*m."""
 
     breakaway: float = 0.012
     sliding: float | None = None

@@ -59,6 +59,16 @@ def test_a_run_logs_the_measurement_and_its_set_up_apart(campaign):
     assert run.events[0].text == "dwell"
 
 
+def test_a_log_is_shown_with_short_lines_for_its_devices_and_in_full_as_json(campaign):
+    log = campaign / "locked-output-angle-1.mcap"
+    shown = rig("show", log).stdout
+    assert "motor: cia402, node 1 on simulated 'bench', serial 0x00000001, " in shown
+    assert "settings changed" in shown
+    assert "(identity and settings in full: rig show --json)" in shown
+    assert max(map(len, shown.splitlines())) < 200
+    assert "vendor" in json.loads(rig("show", log, "--json").stdout)["metadata"]["devices"]
+
+
 def test_a_log_carries_its_provenance(campaign):
     (run,) = load_runs([campaign])
     for key in (
@@ -223,6 +233,15 @@ def test_the_loop_is_named_as_next_only_where_two_runs_are_there_and_earlier_log
     assert second.endswith(f"Logs in {tmp_path}. Next: rig loop {tmp_path}\n")
 
 
+def test_replicates_alone_are_not_sent_to_the_loop_and_a_further_experiment_with_the_earlier_logs(tmp_path):
+    out = tmp_path / "next"
+    first = rig("run", "backdrive", *SHORT_BACKDRIVE, "--repeat", 2, "-o", out).stderr
+    assert first.endswith(f"Logs in {out}.\n")
+    (tmp_path / "locked-output-angle-1.mcap").write_bytes(b"")
+    second = rig("run", "backdrive", *SHORT_BACKDRIVE, "-o", out).stderr
+    assert second.endswith(f"Logs in {out}. Next: rig loop {tmp_path} {out}, with the options of the loop before\n")
+
+
 def test_logs_of_starting_torques_do_not_count_as_runs_for_the_loop(tmp_path):
     (tmp_path / "starting-torque-angle-1.mcap").write_bytes(b"")
     told = rig("run", "backdrive", *SHORT_BACKDRIVE, "-o", tmp_path).stderr
@@ -297,6 +316,16 @@ def test_the_planned_time_of_all_runs_is_told_before_they_start(tmp_path):
     assert numbers == ["locked-output, run 1/2", "backdrive, run 2/2"]
     assert 0.8 * took < float(planned[2]) < 2 * took
     assert float(planned[2]) == pytest.approx(float(planned[3]) + float(planned[4]), abs=1.5)
+
+
+def test_a_dry_run_shows_runs_through_the_same_phases_once_and_ends_with_the_nearest_limit(tmp_path):
+    answer = rig("run", "backdrive", *SHORT_BACKDRIVE, "--repeat", 3, "--dry-run")
+    assert "and 2 more like it" in " ".join(answer.stdout.replace("│", " ").split())
+    assert answer.stdout.count("dwell at 0.0") == 1
+    last = answer.stderr.splitlines()[-1]
+    found = re.fullmatch(r"All within limits; nearest: (\w+) ([\d.]+) of ([\d.]+) (\S+) \((\d+) %\) in (\S+)", last)
+    assert found is not None, last
+    assert float(found[5]) == pytest.approx(100.0 * float(found[2]) / float(found[3]), abs=0.6)
 
 
 def test_a_dry_run_tells_the_planned_time_before_it_starts(tmp_path):

@@ -35,7 +35,7 @@ from rig.loop.search.groups import LEAST_START_ANGLES, QUOTIENT, SINGLE_ANGLE_SE
 from sim_backend.errors import ModelError
 from sim_backend.model.effects import CATALOGUE
 
-NO_EFFECT = "nothing of the kind"
+NO_EFFECT = "no effect"
 """Stands for the rival that there is no such effect."""
 
 AT_ORDER_ONE = 0.05

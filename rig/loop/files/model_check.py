@@ -13,8 +13,9 @@ from drivers.spelling import did_you_mean
 from rig.config.catalogue import beyond_limits
 from rig.loop.files.model_file import Model, ModelEffect, ModelEstimate
 from rig.loop.model.curves import Curve, Form, curve_of
+from rig.loop.model.equations import Equation
 from rig.loop.model.parameters import LAW_LIMITS, parameter_table
-from rig.loop.model.shapes import ShapeClass, named_effect
+from rig.loop.model.shapes import ShapeClass, named_effect, units_of
 from rig.loop.model.terms import Entry, entry_of, is_line
 from sim_backend.model.effects import CATALOGUE, Effect, Enters, Parameter
 from sim_backend.model.limits import CATALOGUE as DEVICE
@@ -36,8 +37,8 @@ _RANGES: Mapping[str, Limit] = {
 }
 _ANGLES = ("motor_position", "output_position", "time")
 _LINE_UNITS = {"order": ("1/rev", "Hz"), "phase": ("rad",)}
-_TERM_UNITS = ("rad", "N*m", "A")
-"""What the amplitude of a line is given in: the unit of the equation in which it was found."""
+_TERM_UNITS = ("rad", "N*m", "A", "rad/(N*m)", "1")
+"""What the amplitude of a line is given in: the unit of the equation in which it was found, or that per torque."""
 
 _NUMBERED = re.compile(r"(amplitude|order|phase)(_[2-9]|_[1-9][0-9]+)?")
 _RATIO_AGREES = 1e-6
@@ -163,7 +164,7 @@ def _shape(item: ModelEffect, effect: Effect, model: Model) -> Iterator[Mistake]
         if name in CATALOGUE and CATALOGUE[name].enters is not Enters.BASE
     ]
     yield from _place(item, [(kind.enters, kind.variable) for kind in kinds])
-    known = {p.name: p for p in effect.parameters}
+    known, by_current = {p.name: p for p in effect.parameters}, units_of(effect, Equation.MOTOR_CURRENT)
     for name in item.parameters.keys() - known.keys():
         rule = f"is no parameter of {effect.id}{did_you_mean(name, known)}; it has {', '.join(known)}"
         yield Mistake(f"parameters.{name}", item.parameters[name].value, rule)
@@ -171,7 +172,7 @@ def _shape(item: ModelEffect, effect: Effect, model: Model) -> Iterator[Mistake]
         path, estimate = f"parameters.{name}", item.parameters.get(name)
         if estimate is None:
             yield Mistake(path, None, f"missing; {effect.id} has {', '.join(known)}; {effect.equation} needs it")
-        elif estimate.unit != parameter.unit:
+        elif estimate.unit not in (parameter.unit, by_current[name]):
             yield Mistake(f"{path}.unit", estimate.unit, f"must be {parameter.unit}")
         elif not parameter.low <= estimate.value <= parameter.high:
             yield from _outside(path, estimate.value, parameter.low, parameter.high, parameter.unit)
@@ -185,14 +186,14 @@ def _curve(item: ModelEffect, curve: Curve) -> Iterator[Mistake]:
         yield Mistake("variable", item.variable, f"must be '{curve.variable}' for {item.effect}")
     if item.shape != curve.shape:
         yield Mistake("shape", item.shape, f"must be '{curve.shape}' for {item.effect}")
-    known = {p.name: p for p in curve.parameters}
+    known, by_current = {p.name: p for p in curve.parameters}, units_of(curve, Equation.MOTOR_CURRENT)
     for name in item.parameters.keys() - known.keys():
         yield Mistake(f"parameters.{name}", item.parameters[name].value, f"is none of {', '.join(known)}")
     for name, parameter in known.items():
         estimate = item.parameters.get(name)
         if estimate is None:
             yield Mistake(f"parameters.{name}", None, f"missing; such a curve has {', '.join(known)}")
-        elif estimate.unit != parameter.unit:
+        elif estimate.unit not in (parameter.unit, by_current[name]):
             yield Mistake(f"parameters.{name}.unit", estimate.unit, f"must be {parameter.unit}")
         else:
             yield from _outside(f"parameters.{name}", estimate.value, -LARGEST, LARGEST, parameter.unit)

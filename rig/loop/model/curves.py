@@ -118,10 +118,15 @@ class Curve:
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The knots, which no fit moves, and the values, all but the one at `zero` fitted."""
+        return self.parameters_in("N*m")
+
+    def parameters_in(self, motor: str) -> tuple[Parameter, ...]:
+        """Give the parameters where the motor's torque is in this unit: A where no torque constant is known."""
         count = {Form.RATE: 2, Form.PEAK: 2, Form.WAVE: 4}.get(self.form, self.knots)
-        unit = {Form.LAG: "s", Form.WAVE: "1/rev"}.get(self.form, unit_of(self.variable))
-        knots = [_parameter(f"at_{k + 1}", unit, known=True) for k in range(self.knots)]
-        return (*knots, *(_parameter(f"value_{k + 1}", self.unit, known=k == self.zero) for k in range(count)))
+        at = {Form.LAG: "s", Form.WAVE: "1/rev"}.get(self.form, unit_of(self.variable, motor))
+        knots = [_parameter(f"at_{k + 1}", at, known=True) for k in range(self.knots)]
+        unit = self._unit(motor)
+        return (*knots, *(_parameter(f"value_{k + 1}", unit, known=k == self.zero) for k in range(count)))
 
     @property
     def amplitudes(self) -> tuple[str, ...]:
@@ -131,19 +136,26 @@ class Curve:
     @property
     def unit(self) -> str:
         """Unit of what it adds, by that of the factor or the derivative where there is one."""
-        added = "rad" if self.enters is Enters.TORSION else "N*m"
+        return self._unit("N*m")
+
+    def _unit(self, motor: str) -> str:
+        at_motor = self.enters in (Enters.MOTOR_BALANCE, Enters.FRICTION)
+        added = "rad" if self.enters is Enters.TORSION else motor if at_motor else "N*m"
         if self.form is Form.WAVE:
             return "1"  # two of them per unit of the factor, two per its square
         if self.factor:
-            return f"{added}/({unit_of(self.factor)})"
-        per = {Form.CURVE: "", Form.RATE: f"{unit_of(self.variable)}/s", Form.PEAK: unit_of(self.variable)}
-        divisor = per.get(self.form, unit_of(self.variable))
+            return f"{added}/({unit_of(self.factor, motor)})"
+        variable = unit_of(self.variable, motor)
+        per = {Form.CURVE: "", Form.RATE: f"{variable}/s", Form.PEAK: variable}
+        divisor = per.get(self.form, variable)
         return f"{added}/({divisor})" if divisor else added
 
 
-def unit_of(signal: str) -> str:
-    """Give the unit of a signal of a log; 1 for one that the program does not know."""
+def unit_of(signal: str, motor: str = "N*m") -> str:
+    """Give the unit of a signal of a log; 1 for one that the program does not know. `motor`: of the motor's torque."""
     own = {"time": "s", TURNING_LOAD: "N*m"}
+    if signal == "motor_torque":
+        return motor
     return BY_NAME[signal].unit if signal in BY_NAME else own.get(signal, "1")
 
 

@@ -98,6 +98,20 @@ class ShapeClass:
         }[place_of(effect)]
 
 
+def units_of(effect: Effect | Curve, equation: Equation) -> dict[str, str]:
+    """Give the unit of every parameter where the effect shows in `equation`.
+
+    In that of the current, of whose torque constant nothing is known, a torque that the motor must overcome is in A.
+    """
+    if isinstance(effect, Curve):
+        motor = equation.unit if equation is Equation.MOTOR_CURRENT else "N*m"
+        return {parameter.name: parameter.unit for parameter in effect.parameters_in(motor)}
+    found = {parameter.name: parameter.unit for parameter in effect.parameters}
+    if equation is Equation.MOTOR_CURRENT and effect.enters in (Enters.MOTOR_BALANCE, Enters.FRICTION):
+        found |= {name: "A" for name in effect.amplitudes if found[name] == "N*m"}
+    return found
+
+
 @dataclass(frozen=True, slots=True)
 class ShapeTerm:
     """An effect of the catalogue, or a curve, with its parameters' values in the order of `effect.parameters`."""

@@ -56,6 +56,11 @@ class Entry(StrEnum):
             return Equation.TORSION
         return Equation.MOTOR_TORQUE if self.value.startswith("motor") else Equation.OUTPUT_TORQUE
 
+    def unit_in(self, equation: Equation) -> str:
+        """Give the unit of an amplitude where the term shows in `equation`: of a product with a torque, by that."""
+        by_torque = {Entry.TORSION_TIMES_TORQUE: "rad/(N*m)", Entry.MOTOR_TIMES_TORQUE: "1"}
+        return by_torque.get(self, equation.unit)
+
 
 _PRODUCTS = frozenset(
     (

@@ -11,7 +11,7 @@ from rig.loop.fitting.normal import LinearPiece
 from rig.loop.model.equations import Equation
 from rig.loop.model.evaluation import angle_addition
 from rig.loop.model.terms import Entry, TermClass
-from rig.loop.result import Candidate, Verdict
+from rig.loop.result import Verdict
 from rig.loop.search.acceptance import (
     BEST_SHARE,
     COMPANION_SHARE,
@@ -35,6 +35,7 @@ from rig.loop.search.line_candidates import LineCandidate
 from rig.loop.search.proposals import Proposal, is_nameless_angle, same_place
 from rig.loop.search.shape_trials import ShapeTrial, scales_of
 from rig.loop.search.trial import Ground, Trial, consistent, explain_the_same, followed_up_to, prepare, try_line
+from rig.loop.search.tried import by_gain, tried_line, tried_shape
 
 BESIDE_AN_ANGLE = "beside another angle error it may be what that leaves, or the encoders' counts"
 
@@ -213,10 +214,8 @@ def _named(
         near.add(TWINS[kind.effect])
     if kind.effect in SINGLE_ANGLE_SET and not _angles_cover(ground):
         near |= set(SINGLE_ANGLE_SET)
-    tried = [Candidate(peer.trial.label, peer.trial.gain, peer.p_value) for peer in peers]
-    others_tried = [item.trial for item in shapes]
-    tried += [Candidate(other.label, other.gain, min(1.0, other.single_p * best.tests)) for other in others_tried]
-    ordered = tuple(sorted(tried, key=lambda candidate: -candidate.gain))
+    tried = [*(tried_line(peer) for peer in peers), *(tried_shape(item, best.tests) for item in shapes)]
+    ordered = by_gain(tried)
     members = tuple(sorted(near | {kind.id})) if near else ()
     verdict = Verdict.AMBIGUOUS if near else Verdict.NAMED if kind.effect else Verdict.UNNAMED
     return Decision(kind, verdict, members, ordered, best.p_value), pick

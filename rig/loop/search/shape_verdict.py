@@ -31,6 +31,7 @@ from rig.loop.search.groups import LEAST_SLOPE, NESTED, QUOTIENT, SET_SHARE
 from rig.loop.search.line_candidates import LineCandidate, best_of_classes
 from rig.loop.search.shape_trials import Scales, ShapeTrial, scales_of, shape_of, shape_trials
 from rig.loop.search.trial import Ground, consistent_shape, explain_the_same, prepare, try_columns
+from rig.loop.search.tried import by_gain, tried_line, tried_shape
 from sim_backend.model.effects import Enters
 
 LEAST_DELAY = 5e-4
@@ -144,11 +145,12 @@ def judge_shape(
         or _consistent_beside_another(pieces, ground, candidate, shapes, alpha)
     ):
         return unadded(NOT_EVERYWHERE)
-    all_tried = [trial, *(peer.trial for peer in peers), form]
-    tried = [Candidate(p.label, p.gain, min(1.0, p.single_p * candidate.tests)) for p in all_tried if p.gain > 0]
+    tried = [tried_shape(x, candidate.tests) for x in (candidate, *peers) if isinstance(x, ShapeTrial)]
+    tried += [tried_line(x, candidate.tests) for x in peers if isinstance(x, LineCandidate)]
+    tried.append(Candidate(form.label, form.gain, min(1.0, form.single_p * candidate.tests)))
     members = tuple(sorted(near | {term.effect.id})) if near else ()
     verdict = Verdict.AMBIGUOUS if near else Verdict.NAMED
-    ordered = tuple(sorted(tried, key=lambda item: -item.gain))
+    ordered = by_gain(item for item in tried if item.gain > 0)
     rivals = [x.term for x in shapes if x.term.effect.id in near and x.term.effect.id not in QUOTIENT]
     kind, best = _best_member(pieces, ground, term, joint, rivals[:MOST_MEMBERS])
     return Accepted(Decision(kind, verdict, members, ordered, p_value), best)

@@ -17,7 +17,7 @@ from rig.loop.model.equations import Equation, Piece
 from rig.loop.model.evaluation import FLEXSPLINE_TORQUE
 from rig.loop.model.prediction import Model
 from rig.loop.model.shapes import SWEPT_TORQUE, ShapeTerm
-from rig.loop.result import Candidate, Verdict
+from rig.loop.result import Verdict
 from rig.loop.search.acceptance import (
     BEST_SHARE,
     LARGE_SHARE,
@@ -32,6 +32,7 @@ from rig.loop.search.contenders import by_joint_fit
 from rig.loop.search.decision import Decision
 from rig.loop.search.shape_trials import Scales, ShapeTrial, scales_of, shape_of, sized
 from rig.loop.search.trial import Ground, consistent_shape, prepare, try_columns
+from rig.loop.search.tried import tried_shape
 from rig.loop.workers.held import Held
 from sim_backend.model.effects import Enters
 
@@ -270,10 +271,7 @@ def unnamed(
 
 
 def _of_curve(best: ShapeTrial, p_value: float, tried: Sequence[ShapeTrial]) -> Decision:
-    near = tuple(
-        Candidate(f"{x.term.effect.id}, {x.term.kind.enters}", x.trial.gain, min(1.0, x.trial.single_p * x.tests))
-        for x in tried[:MOST_TOLD]
-    )
+    near = tuple(tried_shape(x, x.tests) for x in tried[:MOST_TOLD])
     return Decision(best.term.kind, Verdict.UNNAMED, (), near, p_value)
 
 

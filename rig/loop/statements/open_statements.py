@@ -14,7 +14,7 @@ from rig.config.dut import Dut
 from rig.loop.model.equations import Equation, Law
 from rig.loop.model.parameters import flexspline_entries
 from rig.loop.model.prediction import Model
-from rig.loop.result import EquationResult, Json, Open, Verdict
+from rig.loop.result import ABOVE_FLOOR, EquationResult, Json, Open, Verdict
 from rig.loop.search.acceptance import LEAST_IMPROVED, LEAST_SHAPE_SHARE
 from rig.loop.search.decision import Selection
 from rig.loop.search.groups import LEAST_SLOPE, QUOTIENT
@@ -36,9 +36,6 @@ SURE = 1e-4
 
 SURE_OF_MANY = 1e-7
 """The same for the best of all shapes at all points of their grids, some hundreds of tests."""
-
-ABOVE_FLOOR = 1.5
-"""Times the upper end of the floor's interval beyond which what is left is no longer noise."""
 
 PLAYS = (Law.LOCKED, Law.BACKDRIVE)
 """Laws in which a play carries one torque to the other."""

@@ -13,6 +13,7 @@ from rig.loop.fitting.intervals import hidden_share
 from rig.loop.fitting.starts import FACTOR
 from rig.loop.model.equations import Equation, pieces_of
 from rig.loop.model.prediction import Model
+from rig.loop.model.terms import TermClass
 from rig.loop.result import Open
 from rig.loop.search.aliases import aliases, samplings
 from rig.loop.search.decision import Selection
@@ -189,9 +190,12 @@ def unadded(selection: Selection) -> list[str]:
         if item.order is None:
             found.append(f"Found, not added: {item.kind.id}: {item.why}.")
             continue
-        unit = "A" if current and item.kind.equation is Equation.MOTOR_TORQUE else item.kind.equation.unit
+        seen = item.kind.equation
+        seen = Equation.MOTOR_CURRENT if current and seen is Equation.MOTOR_TORQUE else seen
+        unit = item.kind.entry.unit_in(seen) if isinstance(item.kind, TermClass) else seen.unit
+        amplitude = f"{item.amplitude:.3g}" + ("" if unit == "1" else f" {unit}")
         found.append(
             f"Found, not added: {item.kind.id}, order {item.order:.6g} of {item.kind.variable}, amplitude "
-            f"{item.amplitude:.3g} {unit}: {item.why}."
+            f"{amplitude}: {item.why}."
         )
     return found

@@ -13,7 +13,7 @@ from rig.loop.fitting.intervals import covariance, quantile
 from rig.loop.fitting.normal import LinearPiece
 from rig.loop.model.equations import Equation
 from rig.loop.model.frames import turned, turned_shape, wrapped
-from rig.loop.model.shapes import ShapeTerm
+from rig.loop.model.shapes import ShapeTerm, units_of
 from rig.loop.model.terms import Line
 from rig.loop.result import Estimate, LineResult, Shift, Step
 from rig.loop.search.decision import Decision
@@ -42,13 +42,15 @@ def steps_of(
             shown = turned(line, dut)
             suffix = "" if rank == 1 else f"_{rank}"
             columns = spread[final.columns.of_line(number), final.columns.of_line(number)]
-            estimates = line_estimates(line, shown, columns, factor, equation.unit, _index_error(final, line, dut))
+            unit = line.kind.entry.unit_in(equation)
+            estimates = line_estimates(line, shown, columns, factor, unit, _index_error(final, line, dut))
             parameters |= {name + suffix: value for name, value in estimates.items()}
             lines.append(LineResult(line.order, line.amplitude, wrapped(shown.phase)))
         for number, term in enumerate(final.model.shapes):
             if term.kind == decision.kind:
                 place = final.columns.of_shape(number)
-                parameters |= shape_estimates(turned_shape(term, dut), spread[place, place], factor)
+                units = units_of(term.effect, equation)
+                parameters |= shape_estimates(turned_shape(term, dut), spread[place, place], factor, units)
         made.append(
             Step(
                 verdict=decision.verdict,
@@ -134,10 +136,13 @@ def order_unit(line: Line) -> str:
     return "Hz" if line.kind.variable == "time" else "1/rev"
 
 
-def shape_estimates(term: ShapeTerm, columns: Floats, factor: float) -> dict[str, Estimate]:
-    """Give every parameter of an effect that is no line: fitted ones with intervals from their covariance (k, k)."""
+def shape_estimates(term: ShapeTerm, columns: Floats, factor: float, units: Mapping[str, str]) -> dict[str, Estimate]:
+    """Give every parameter of an effect that is no line: fitted ones with intervals from their covariance (k, k).
+
+    `units`: of the parameters, by name.
+    """
     found = {
-        parameter.name: Estimate(value, None, parameter.unit)
+        parameter.name: Estimate(value, None, units[parameter.name])
         for parameter, value in zip(term.effect.parameters, term.values, strict=True)
     }
     for number, k in enumerate(term.free):
@@ -147,7 +152,7 @@ def shape_estimates(term: ShapeTerm, columns: Floats, factor: float) -> dict[str
             interval = (value * math.exp(-min(half, 50.0)), value * math.exp(min(half, 50.0)))
         else:
             interval = (value - half, value + half)
-        found[parameter.name] = Estimate(value, interval, parameter.unit)
+        found[parameter.name] = Estimate(value, interval, units[parameter.name])
     return found
 
 

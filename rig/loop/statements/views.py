@@ -115,8 +115,12 @@ class _Seen:
     sense: float
 
     def signal(self, name: str) -> Floats | None:
-        """Give a signal at the samples, None where it is not known."""
-        values = self.evaluation.signals.get(name)
+        """Give a signal at the samples, None where it is not known.
+
+        Without a torque constant the motor's torque is not: what stands in its place is a current.
+        """
+        current = self.pair.equation is Equation.MOTOR_CURRENT
+        values = None if current and name == "motor_torque" else self.evaluation.signals.get(name)
         if values is None:
             return None
         return self._signed(name, values[self.rows])
@@ -273,9 +277,11 @@ def _cycle(group: Sequence[_Seen]) -> CycleView | None:
     if first.after.piece.track.moves:
         return None
     variables = ("motor_torque",) if first.equation is Equation.OUTPUT_TORQUE else ("output_torque", "motor_torque")
-    variable = next((v for v in variables if v in group[0].evaluation.signals), None)
-    shown = [seen for seen in group if variable in seen.evaluation.signals][:MOST_CYCLES]
-    if variable is None or not any(np.ptp(seen.evaluation.signals[variable]) > 0.0 for seen in shown):
+    variable = next((v for v in variables if group[0].signal(v) is not None), None)
+    if variable is None:
+        return None
+    shown = [seen for seen in group if seen.signal(variable) is not None][:MOST_CYCLES]
+    if not any(np.ptp(seen.evaluation.signals[variable]) > 0.0 for seen in shown):
         return None
     return CycleView(
         equation=first.equation.value,

@@ -393,3 +393,47 @@ def test_the_example_mappings_are_toml_with_comments_for_a_reader(name: str) -> 
     text = (Path(__file__).parents[3] / "docs" / "examples" / name).read_text(encoding="utf-8")
     assert "time" in tomllib.loads(text)["signals"]
     assert text.startswith("#")
+
+
+CONTRACT = "time[s],output_torque[N*m]\n0,1\n0.005,2\n0.01,3\n"
+SIDECAR = 'procedure = "locked-output"\nreplicate = "a"\nstart_angle = 0.7\noperator = "Ada"\n'
+
+
+def test_the_sidecar_of_a_contract_csv_is_read_and_the_mapping_wins(tmp_path: Path) -> None:
+    table = write(tmp_path, "x.csv", CONTRACT)
+    write(tmp_path, "x.toml", SIDECAR)
+    import_files([table], None, tmp_path / "plain")
+    (run,) = load_runs([tmp_path / "plain"])
+    (shown,) = load_runs([table])
+    assert (run.procedure, run.replicate, run.start_angle) == (ProcedureName.LOCKED_OUTPUT, "a", 0.7)
+    assert (run.procedure, run.replicate, run.start_angle) == (shown.procedure, shown.replicate, shown.start_angle)
+    assert run.metadata["operator"] == "Ada"
+    rules = write(tmp_path, "map.toml", '[run]\nprocedure = "backdrive"\n')
+    import_files([table], rules, tmp_path / "mapped")
+    (run,) = load_runs([tmp_path / "mapped"])
+    assert (run.procedure, run.replicate) == (ProcedureName.BACKDRIVE, "a")
+
+
+def test_parts_of_a_recording_are_no_replicates_whatever_its_sidecar_says(tmp_path: Path) -> None:
+    table = write(tmp_path, "x.csv", CONTRACT)
+    write(tmp_path, "x.toml", SIDECAR)
+    import_files([table], write(tmp_path, "map.toml", '[run.split]\nby = "time"\nblocks = 2\n'), tmp_path / "out")
+    runs = load_runs([tmp_path / "out"])
+    assert {(run.procedure, run.replicate, run.start_angle) for run in runs} == {("locked-output", None, None)}
+
+
+def test_a_mapping_beside_its_recording_is_no_sidecar(tmp_path: Path) -> None:
+    table = write(tmp_path, "x.csv", "t,tau\n0,10\n5,20\n")
+    import_files([table], write(tmp_path, "x.toml", MAP), tmp_path / "one")
+    (run,) = load_runs([tmp_path / "one"])
+    assert run.procedure is ProcedureName.FREE_RUN
+    import_files([table], write(tmp_path, "map.toml", MAP), tmp_path / "two")
+    (run,) = load_runs([tmp_path / "two"])
+    assert any("x.toml beside it is no sidecar and was not read" in note for note in run.warnings)
+
+
+def test_a_wrong_sidecar_of_a_contract_csv_is_refused_as_rig_show_does(tmp_path: Path) -> None:
+    table = write(tmp_path, "x.csv", CONTRACT)
+    write(tmp_path, "x.toml", "procedure = 'lock'\n")
+    with pytest.raises(ConfigError, match="procedure"):
+        import_files([table], None, tmp_path / "out")

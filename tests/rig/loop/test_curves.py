@@ -14,16 +14,20 @@ from numpy.typing import NDArray
 from drivers.errors import ConfigError, DataError
 from rig.log.run import ProcedureName, Run
 from rig.loop.campaign import LoopOptions
+from rig.loop.files.model_file import Model as ModelFile
+from rig.loop.files.model_file import ModelBase, ModelEffect, ModelEstimate
 from rig.loop.files.model_storage import load_model, write_model
 from rig.loop.model.curves import SHAPES, TURNING_LOAD, WITHOUT_KNOTS, Curve, Form, basis, curve_of, mirrored, zero_of
-from rig.loop.model.equations import pieces_of
+from rig.loop.model.equations import Equation, pieces_of
 from rig.loop.model.prediction import Model, predict
+from rig.loop.model.shapes import units_of
+from rig.loop.model.terms import entry_of
 from rig.loop.predict import predict_run
 from rig.loop.result import LoopResult, Verdict
 from rig.loop.signals.tracks import make_track
 from rig.loop.trace import start_model, trace
 from sim_backend.model.compliance import Compliance
-from sim_backend.model.effects import Enters, Shape
+from sim_backend.model.effects import CATALOGUE, Enters, Shape
 from tests.independent.campaign import Campaign, Plan
 from tests.rig.loop.runs import dut, runs_of
 
@@ -250,3 +254,37 @@ def test_a_wrong_curve_in_a_model_file_is_refused(tmp_path: Path, name: str, val
     write_model(wrong, tmp_path / "model.json")
     with pytest.raises((ConfigError, DataError), match=rule):
         load_model(tmp_path / "model.json")
+
+
+def test_where_the_motor_is_known_by_its_current_alone_what_it_must_overcome_is_in_ampere() -> None:
+    over_time = Curve(Enters.MOTOR_BALANCE, "time", Form.CURVE, "", 2)
+    assert units_of(over_time, Equation.MOTOR_CURRENT) == {"at_1": "s", "at_2": "s", "value_1": "A", "value_2": "A"}
+    assert units_of(over_time, Equation.MOTOR_TORQUE)["value_1"] == "N*m"
+    by_load = Curve(Enters.FRICTION, "temperature", Form.CURVE, "output_torque", 2)
+    assert units_of(by_load, Equation.MOTOR_CURRENT)["value_1"] == "A/(N*m)"
+    assert units_of(Curve(Enters.OUTPUT_BALANCE, "time", Form.CURVE, "", 2), Equation.MOTOR_CURRENT)["value_1"] == "N*m"
+    stribeck = CATALOGUE["stribeck-friction"]
+    assert units_of(stribeck, Equation.MOTOR_CURRENT) == {"amplitude": "A", "velocity": "rad/s", "exponent": "1"}
+    assert units_of(stribeck, Equation.MOTOR_TORQUE)["amplitude"] == "N*m"
+
+
+@pytest.mark.parametrize("name", ["torque-ripple", "stiffness-modulation", "cogging", "kinematic-error"])
+def test_the_amplitude_of_a_line_has_the_unit_of_the_catalogue(name: str) -> None:
+    entry = entry_of(CATALOGUE[name])
+    (amplitude,) = (p for p in CATALOGUE[name].parameters if p.name == "amplitude")
+    assert entry.unit_in(entry.equation) == amplitude.unit
+
+
+def test_a_model_in_ampere_is_read_back(tmp_path: Path) -> None:
+    over_time = Curve(Enters.MOTOR_BALANCE, "time", Form.CURVE, "", 2)
+    units = units_of(over_time, Equation.MOTOR_CURRENT)
+    values = {name: ModelEstimate(value=float(k), unit=unit) for k, (name, unit) in enumerate(units.items())}
+    term = ModelEffect(
+        effect=over_time.id, enters=over_time.place, variable="time", shape=str(over_time.shape), parameters=values
+    )
+    base = ModelBase(model="zhang-2014", ratio=None, parameters={})
+    written = ModelFile.model_validate(
+        {"schema": "rig.model/1", "dut": dut(), "base": base, "effects": (term,), "software": "0"}
+    )
+    write_model(written, tmp_path / "model.json")
+    assert load_model(tmp_path / "model.json") == written

@@ -1,5 +1,6 @@
 """What a report draws of a loop, on a small campaign with a line of the motor angle in the motor torque."""
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -10,9 +11,14 @@ from rig.config.dut import SHD_17_100
 from rig.log.run import Run
 from rig.loop.campaign import LoopOptions
 from rig.loop.files.views_file import ResidualView, Views, write_views
+from rig.loop.model.equations import pieces_of
+from rig.loop.model.terms import Entry, Line, TermClass
 from rig.loop.result import LoopResult
-from rig.loop.statements.views import Added, _fold
-from rig.loop.trace import trace
+from rig.loop.signals.tracks import make_track
+from rig.loop.statements.metrics import residual_of
+from rig.loop.statements.views import Added, Pair, _fold, views_of
+from rig.loop.trace import start_model, trace
+from sim_backend.model.compliance import Compliance
 from tests.independent.campaign import Campaign, Plan
 from tests.rig.loop.runs import dut, make_run, runs_of, turning_run
 
@@ -115,3 +121,21 @@ def test_the_runs_are_told_with_their_side_and_operator() -> None:
 def test_the_file_comes_back_as_it_was_written(tmp_path: Path) -> None:
     write_views(result().views, tmp_path / "views.json")
     assert Views.model_validate_json((tmp_path / "views.json").read_bytes()) == result().views
+
+
+def test_of_a_motor_known_by_its_current_alone_nothing_is_drawn_over_a_torque() -> None:
+    time = np.arange(0.0, 120.0, 0.05)
+    angle = 0.003 * np.floor(time)
+    current = 0.1 * np.sin(72.0 * angle + 0.3)
+    device = dut('name = "motor"\n')
+    track = make_track(make_run("a", "other", time, {"motor_position": angle, "motor_current": current}), device)
+    (piece,) = pieces_of(track, None)
+    base = start_model(device, None, Compliance.ARCTAN, None)
+    cogging = TermClass("cogging", Entry.MOTOR, "motor_position")
+    friction = TermClass("position-dependent-friction", Entry.MOTOR_AGAINST_MOTION, "motor_position")
+    lines = (Line(cogging, 72.0, 0.1 * np.cos(0.3), 0.1 * np.sin(0.3)), Line(friction, 36.0, 0.01, 0.0))
+    with_line = replace(base, lines=lines)
+    pair = Pair("held_out", residual_of(piece, base), residual_of(piece, with_line))
+    views = views_of([pair], with_line, [Added("cogging", "motor_position", (72.0,))], (), device)
+    assert [(view.equation, view.variable) for view in views.residuals] == [("motor-current", "motor_position")]
+    assert views.cycles == ()

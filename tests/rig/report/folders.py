@@ -46,7 +46,22 @@ def loop_content(name: str = "x", **changes: Any) -> dict[str, Any]:
             name: {"unit": name},
         },
         "candidates": [
-            {"effect": "kinematic-error", "gain": 2000.0, "p_value": 1e-20},
+            {
+                "effect": "kinematic-error",
+                "variable": "motor_position",
+                "enters": "torsion",
+                "order": 2.0,
+                "gain": 2000.0,
+                "p_value": 1e-20,
+            },
+            {
+                "effect": "kinematic-error",
+                "variable": "motor_position",
+                "enters": "torsion",
+                "order": 2.5,
+                "gain": 200.0,
+                "p_value": 1.0,
+            },
             {"effect": name, "gain": 20.0, "p_value": 1.0},
         ],
         "p_value": 1e-20,

@@ -1,6 +1,7 @@
 """`rig report` on a folder of a loop: what stands in the file, and what is said of folders that hold none."""
 
 import json
+import re
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -210,3 +211,14 @@ def test_a_report_that_cannot_be_written_is_wrong_use(tmp_path: Path) -> None:
     answer = rig("report", folder)
     assert answer.exit_code == 2
     assert "cannot be written" in answer.stderr
+
+
+def test_rows_of_what_was_tried_say_their_order_and_one_of_them_was_added(tmp_path: Path) -> None:
+    write_folder(tmp_path / "loop", "SHD")
+    report(tmp_path / "loop")
+    text = (tmp_path / "loop" / "report.html").read_text(encoding="utf-8")
+    rows = [part for part in re.findall(r"<tr>.*?</tr>", text) if "order 2" in part]
+    words = [re.sub(r"<[^>]+>", "|", part) for part in rows]
+    assert [("added" in part, "rejected" in part) for part in words] == [(True, False), (False, True)]
+    assert "order 2.5 of motor_position, torsion" in words[1]
+    assert "||–||" in words[1]

@@ -3,7 +3,7 @@
 import pytest
 
 from rig.report.loop_file import LoopFile
-from rig.report.sentences import effect_words, statement
+from rig.report.sentences import effect_words, floor_remark, statement
 from tests.rig.report.folders import ERRORS, loop_content
 
 GRAVITY = {"verdict": "named", "effect": "gravity-load"}
@@ -88,3 +88,24 @@ def test_whatever_is_missing_there_is_a_sentence(verdict: str) -> None:
     text = statement(LoopFile.model_validate(content))
     assert text.endswith(".")
     assert len(text) > 20
+
+
+def remark(still_open=(), **errors) -> str:
+    held = {**ERRORS, "by_procedure": {"free-run": ERRORS, "backdrive": {**ERRORS, **errors}}}
+    equations = {"torsion": {"unit": "rad", "held_out": held}}
+    return floor_remark(LoopFile.model_validate(loop_content(open=list(still_open), equations=equations)))
+
+
+def test_an_error_above_its_floor_that_counts_as_noise_is_said_with_the_rule() -> None:
+    text = remark(rms_after=4.6e-6)
+    assert text.startswith(
+        "After lies above the floor's interval in torsion (backdrive). Up to 1.5 times its upper end"
+    )
+    assert remark(rms_after=4.3e-6) == ""
+    assert remark(rms_after=4.6e-6, floor_ci95=None) == ""
+
+
+@pytest.mark.parametrize("procedure", ["backdrive", None])
+def test_an_error_above_its_floor_of_which_a_statement_speaks_is_left_to_it(procedure) -> None:
+    said_of = {"verdict": "untraced", "evidence": {"equation": "torsion", "procedure": procedure}}
+    assert remark([said_of], rms_after=9e-6) == ""
