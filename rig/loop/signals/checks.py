@@ -17,8 +17,13 @@ from rig.loop.signals.tracks import Track
 
 Floats = NDArray[np.float64]
 
-RATIO_TOLERANCE = 0.01
-"""Relative; torsion and errors of both encoders change the slope over a turn by far less."""
+SLOPE_DOUBT = 10.0
+"""Times what a line leaves of the legs (rad, rms) by which such structure may lift its far end over its near one: twice
+what one wave as long as a leg does."""
+
+UNSEEN = 3e-3
+"""rad at the output by which what a leg does not show as structure (an eccentric disc or a load over less than a turn,
+a drift) may lift the far end; over less than 1 rad in proportion."""
 
 LEAST_TRAVEL = 6.0
 """rad at the motor over which a ratio can be measured."""
@@ -74,7 +79,28 @@ def measured_slope(tracks: Sequence[Track]) -> float | None:
 
     Each stretch that turns one way has a constant of its own: the torsion of one direction is not that of the other.
     """
-    whole, legs = np.zeros(2), np.zeros(2)
+    power, common, _, _ = _turning_products(tracks)
+    return float(power / common) if common else None
+
+
+def slope_doubt(tracks: Sequence[Track], stiffness: float | None) -> float:
+    """Give the relative doubt that kinematic errors, eccentric discs, loads and noise leave in `measured_slope`.
+
+    `stiffness`: N*m/rad of the catalogue, through which a load that changes while turning twists the output.
+    """
+    power, common, output, count = _turning_products(tracks)
+    if not common:
+        return 0.0
+    travel = float(np.sqrt(12.0 * output / count))
+    left = float(np.sqrt(max(output - common**2 / power, 0.0) / count))
+    loads = [track.T[track.steady] for track in tracks if track.moves and track.T is not None and track.steady.any()]
+    twist = max(float(np.ptp(load)) for load in loads) / stiffness if loads and stiffness is not None else 0.0
+    return (SLOPE_DOUBT * left + UNSEEN * min(1.0, travel) + twist) / travel
+
+
+def _turning_products(tracks: Sequence[Track]) -> Floats:
+    """Give the sums of motor squared, motor times output, output squared (rad^2) and of samples of what turns."""
+    whole, legs = np.zeros(4), np.zeros(4)
     for track in tracks:
         if track.motor_position is None or track.output_position is None or not track.usable.any():
             continue
@@ -88,14 +114,13 @@ def measured_slope(tracks: Sequence[Track]) -> float | None:
         for start, stop in itertools.pairwise(edges.tolist()):
             if speed[start] != 0.0:
                 legs += _products(track.motor_position[start:stop], track.output_position[start:stop])
-    power, common = legs if legs[1] != 0.0 and legs[0] > LEAST_IN_LEGS * whole[0] else whole
-    return float(power / common) if common else None
+    return legs if legs[1] != 0.0 and legs[0] > LEAST_IN_LEGS * whole[0] else whole
 
 
 def _products(motor: Floats, output: Floats) -> Floats:
-    """Give the sums of motor squared and of motor times output, each about its mean."""
-    centred = motor - motor.mean()
-    return np.array([centred @ centred, centred @ (output - output.mean())])
+    """Give the sums of motor squared, of motor times output and of output squared, each about its mean; and of ones."""
+    motor, output = motor - motor.mean(), output - output.mean()
+    return np.array([motor @ motor, motor @ output, output @ output, motor.size])
 
 
 def check_gear(tracks: Sequence[Track], dut: Dut) -> float | None:
@@ -114,13 +139,14 @@ def check_gear(tracks: Sequence[Track], dut: Dut) -> float | None:
             expected=f"rotation '{found}', or the other sign of one encoder",
             hint="Correct the device file, or the sign of the channel in the bench file or mapping.",
         )
-    if given is not None and abs(-slope / given - 1.0) > RATIO_TOLERANCE:
+    doubt = slope_doubt(tracks, dut.gear.K1)
+    if given is not None and abs(-slope / given - 1.0) > doubt:
         raise DataError(
             f"device '{dut.name}'",
-            f"ratio = {given:g}, but the motor turns {-slope:.4g} times for one turn of the output",
+            f"ratio = {given:g}, but the motor turns {-slope:.6g} times for one turn of the output",
             column="gear.ratio",
             value=given,
-            expected=f"a ratio within {100 * RATIO_TOLERANCE:.0f} % of {-slope:.4g}",
+            expected=f"a ratio within {100 * doubt:.2g} % of {-slope:.6g}",
             hint="Correct the ratio, or the counts per revolution of one encoder.",
         )
     if given is not None:
