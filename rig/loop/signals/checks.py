@@ -13,6 +13,7 @@ from drivers.errors import DataError
 from drivers.signals import BY_NAME
 from rig.config.dut import Dut
 from rig.log.run import SWEEPS, ProcedureName, Run
+from rig.loop.signals.recordings import FEWEST_SAMPLES
 from rig.loop.signals.tracks import Track
 
 Floats = NDArray[np.float64]
@@ -158,15 +159,14 @@ def check_gear(tracks: Sequence[Track], dut: Dut) -> float | None:
 def check_signs(tracks: Sequence[Track], ratio: float | None) -> None:
     """Raise DataError where a torque has the wrong sign: it must wind the drive up, and drive what it turns."""
     for track in tracks:
-        _check_torsion(track, ratio)
-        _check_power(track, ratio)
+        if np.count_nonzero(track.usable) >= FEWEST_SAMPLES:
+            _check_torsion(track, ratio)
+            _check_power(track, ratio)
 
 
 def _check_torsion(track: Track, ratio: float | None) -> None:
     swept = track.procedure in (ProcedureName.LOCKED_OUTPUT, ProcedureName.BACKDRIVE) and not track.moves
     if not swept or ratio is None or track.motor_position is None or track.output_position is None:
-        return
-    if not track.usable.any():
         return
     torsion = track.output_position + track.motor_position / ratio
     for name, torque in (("output_torque", track.T), ("motor_torque", track.M)):
@@ -212,6 +212,8 @@ def torque_factor(tracks: Sequence[Track], ratio: float | None) -> float | None:
     found: list[float] = []
     for track in tracks:
         if ratio is None or track.moves or track.T is None or track.M is None or track.procedure not in SWEEPS:
+            continue
+        if track.size < FEWEST_SAMPLES:
             continue
         follows = track.T if track.procedure is ProcedureName.LOCKED_OUTPUT else track.M
         places = np.linspace(0, track.size - 1, STEPS + 1).astype(np.intp)

@@ -88,9 +88,10 @@ def repeats(residuals: Sequence[Residual], dut: Dut, model: Model) -> Repeats | 
         window = max(1, round(SMOOTHING / period))
         x, y = uniform_filter1d(a, window), uniform_filter1d(b, window)
         x, y = x - x.mean(), y - y.mean()
-        if not np.any(x) or not np.any(y):
+        power = float(x @ x) * float(y @ y)
+        if power == 0.0:
             continue
-        rhos.append(float(x @ y / math.sqrt(float(x @ x) * float(y @ y))))
+        rhos.append(float(x @ y) / math.sqrt(power))
         squares.append(float(np.mean(a**2) + np.mean(b**2)) / 2.0)
         differences.append(float(np.mean((a - b) ** 2)) / 2.0)
         apart = means(a - b, period)

@@ -7,9 +7,14 @@ import pytest
 
 from drivers.errors import DataError
 from rig.log.run import Run
-from rig.loop.signals.checks import check_gear
+from rig.loop.campaign import LoopOptions
+from rig.loop.signals.checks import check_gear, check_signs
 from rig.loop.signals.tracks import make_track
-from tests.rig.loop.runs import Floats, dut, turning_run
+from rig.loop.trace import trace
+from tests.independent.campaign import Campaign, Plan
+from tests.rig.loop.runs import Floats, dut, runs_of, turning_run
+
+SWEEPS = Plan(locked_angles=2, locked_pairs=0, backdrives=2, backdrive_pairs=0, free_runs=0)
 
 
 def gear_of(text: str, *runs: Run) -> float | None:
@@ -53,3 +58,46 @@ def test_a_right_ratio_stands_whatever_the_gear_and_the_encoders_do(speed: float
         2e-4 * run.time / run.time[-1],
     ):
         assert gear_of("ratio = 100", with_output(run, error)) == 100.0
+
+
+# -- recordings
+
+
+@pytest.mark.parametrize("replicate", [None, "pair"])
+def test_one_recording_under_two_names_is_refused_with_both(replicate: str | None) -> None:
+    first, other = turning_run("a", 1), turning_run("b", 2)
+    copy = replace(first, name="c", file=first.file.with_name("c.csv"), replicate=replicate)
+    with pytest.raises(DataError, match="a, c: the two runs are the same recording") as caught:
+        trace([replace(first, replicate=replicate), other, copy], dut(), LoopOptions(held_out=("b",)))
+    assert "Remove c.csv" in str(caught.value)
+
+
+def test_a_time_whose_samples_are_less_than_a_microsecond_apart_is_refused_with_its_interval() -> None:
+    runs = [turning_run(name, seed) for seed, name in enumerate("ab")]
+    with pytest.raises(DataError, match="the samples are 1e-08 s apart") as caught:
+        trace([replace(run, time=1e-6 * run.time) for run in runs], dut(), LoopOptions())
+    assert "unit of time" in str(caught.value)
+
+
+def cut(run: Run, first: int, count: int) -> Run:
+    """Give `count` samples of a run."""
+    part = slice(first, first + count)
+    signals = {name: values[part] for name, values in run.signals.items()}
+    return replace(run, time=run.time[part] - run.time[first], signals=signals)
+
+
+def test_a_held_out_run_that_enters_no_equation_gives_no_verdict() -> None:
+    runs = [turning_run("a", 1), turning_run("b", 2), cut(turning_run("c", 3), 500, 3)]
+    with pytest.raises(DataError, match="no equation can be formed from the held-out runs") as caught:
+        trace(runs, dut(), LoopOptions(held_out=("c",)))
+    assert "Too short, at least 20 samples are needed: c (3 samples)" in str(caught.value)
+    assert "another run with --held-out" in str(caught.value)
+
+
+def test_a_run_of_three_samples_is_judged_by_no_sign_and_told_to_be_too_short() -> None:
+    runs, _ = runs_of(Campaign(5, plan=SWEEPS, rate=100.0))
+    short = [cut(run, first, 3) for run in runs for first in range(0, 2000, 20)]
+    check_signs([make_track(run, dut()) for run in short], 100.0)
+    three = cut(turning_run("c", 3), 500, 3)
+    result = trace([turning_run("a", 1), turning_run("b", 2), three], dut(), LoopOptions(held_out=("b",)))
+    assert "Too short, at least 20 samples are needed: c (3 samples)." in result.warnings
