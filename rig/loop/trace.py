@@ -33,6 +33,7 @@ from rig.loop.search.select import select
 from rig.loop.signals.checks import check_gear, check_magnitudes, check_signs, check_torques
 from rig.loop.signals.living import living
 from rig.loop.signals.recordings import FEWEST_SAMPLES, check_recordings, too_short
+from rig.loop.signals.sweeps import check_sweeps, check_work
 from rig.loop.signals.tracks import SMOOTHING, Track, make_track, thin_track
 from rig.loop.statements.events import Event, events_of, without_events
 from rig.loop.statements.metrics import Floor, Residual, errors, floor_of, pooled, residual_of
@@ -78,6 +79,7 @@ def trace(
     check_magnitudes(runs)
     used, dead = living([*campaign.train, *campaign.held_out])
     check_recordings(runs)
+    check_sweeps(runs, dut)
     fitted = {run.name for run in campaign.train}
     with hold(used, [_work(run, fitted) for run in used], options.scheduler) as held:
         result = _traced(held, campaign, runs, dut, options, dead, on_stage)
@@ -111,6 +113,7 @@ def _traced(
     ratio = check_gear(train, dut)
     check_signs(known_tracks, ratio)
     check_torques(known_tracks, ratio)
+    check_work(runs)
     start = scaled_to_data(start_model(dut, ratio, options.law, options.base), train)
     names = frozenset(track.name for track in train)
     pieces = tracks.spread(_pieces_to_fit, names, ratio, start)

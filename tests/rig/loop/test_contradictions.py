@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from drivers.errors import DataError
-from rig.log.run import Run
+from rig.log.run import ProcedureName, Run
 from rig.loop.campaign import LoopOptions
-from rig.loop.signals.checks import check_gear, check_signs
+from rig.loop.signals.checks import check_gear, check_signs, check_torques
+from rig.loop.signals.sweeps import check_sweeps, check_work
 from rig.loop.signals.tracks import make_track
 from rig.loop.trace import trace
-from tests.independent.campaign import Campaign, Plan
+from tests.independent.campaign import DUT, Campaign, Plan
 from tests.rig.loop.runs import Floats, dut, runs_of, turning_run
 
 SWEEPS = Plan(locked_angles=2, locked_pairs=0, backdrives=2, backdrive_pairs=0, free_runs=0)
@@ -101,3 +102,67 @@ def test_a_run_of_three_samples_is_judged_by_no_sign_and_told_to_be_too_short() 
     three = cut(turning_run("c", 3), 500, 3)
     result = trace([turning_run("a", 1), turning_run("b", 2), three], dut(), LoopOptions(held_out=("b",)))
     assert "Too short, at least 20 samples are needed: c (3 samples)." in result.warnings
+
+
+# -- sweeps
+
+
+def swept() -> tuple[Run, ...]:
+    """Give two locked runs and two backdrives."""
+    return runs_of(Campaign(5, plan=SWEEPS, rate=100.0))[0]
+
+
+def scaled(run: Run, **factors: float) -> Run:
+    """Give the run with some signals multiplied."""
+    return replace(run, signals={name: factors.get(name, 1.0) * values for name, values in run.signals.items()})
+
+
+@pytest.mark.parametrize(
+    ("given", "swapped", "held"),
+    [
+        (ProcedureName.LOCKED_OUTPUT, ProcedureName.BACKDRIVE, "motor"),
+        (ProcedureName.BACKDRIVE, ProcedureName.LOCKED_OUTPUT, "output"),
+    ],
+)
+def test_a_sweep_under_the_name_of_the_other_one_is_refused(
+    given: ProcedureName, swapped: ProcedureName, held: str
+) -> None:
+    runs = swept()
+    check_sweeps(runs, dut(DUT))
+    wrong = [replace(run, procedure=swapped) if run.procedure is given else run for run in runs]
+    with pytest.raises(DataError, match=f"a {swapped} run holds the {held}") as caught:
+        trace(wrong, dut(DUT), LoopOptions())
+    assert caught.value.column == "procedure"
+    assert f"({given} holds" in str(caught.value)
+
+
+@pytest.mark.parametrize("factor", [180.0 / np.pi, np.pi / 180.0])
+def test_angles_in_another_unit_are_refused_by_the_stiffness_that_they_give(factor: float) -> None:
+    runs = [scaled(run, motor_position=factor, output_position=factor) for run in swept()]
+    with pytest.raises(DataError, match=r"N\*m/rad, but the device file's K1 is 8400 N\*m/rad") as caught:
+        trace(runs, dut(DUT), LoopOptions())
+    assert "degrees for rad" in str(caught.value)
+
+
+@pytest.mark.parametrize("factor", [0.1, 10.0])
+def test_a_stiffness_that_is_a_digit_off_is_not_refused(factor: float) -> None:
+    check_sweeps(swept(), dut(DUT.replace("K1 = 8.4e3", f"K1 = {factor * 8.4e3}").replace("K2 = 9.4e3", "")))
+
+
+def test_one_run_whose_torques_are_swapped_is_refused_with_its_name() -> None:
+    runs = list(swept())
+    signals = dict(runs[1].signals)
+    signals["output_torque"], signals["motor_torque"] = signals["motor_torque"], signals["output_torque"]
+    runs[1] = replace(runs[1], signals=signals)
+    with pytest.raises(DataError, match=r"0\.0001 times the ratio 100, with which the sweeps together agree") as caught:
+        check_torques([make_track(run, dut(DUT)) for run in runs], 100.0)
+    assert runs[1].name in str(caught.value)
+
+
+def test_one_run_whose_rows_run_backwards_is_refused_with_its_name() -> None:
+    runs = list(swept())
+    check_work(runs)
+    runs[1] = replace(runs[1], signals={name: values[::-1].copy() for name, values in runs[1].signals.items()})
+    with pytest.raises(DataError, match="the loop of motor_torque over motor_position runs backwards") as caught:
+        trace(runs, dut(DUT), LoopOptions())
+    assert runs[1].name in str(caught.value)
