@@ -31,6 +31,7 @@ from rig.loop.result import EquationResult, Errors, LoopResult, Step
 from rig.loop.search.decision import Selection
 from rig.loop.search.select import select
 from rig.loop.signals.checks import check_gear, check_magnitudes, check_signs, check_torques
+from rig.loop.signals.grid import check_counts
 from rig.loop.signals.living import living
 from rig.loop.signals.recordings import FEWEST_SAMPLES, check_recordings, too_short
 from rig.loop.signals.sweeps import check_sweeps, check_work
@@ -80,6 +81,7 @@ def trace(
     used, dead = living([*campaign.train, *campaign.held_out])
     check_recordings(runs)
     check_sweeps(runs, dut)
+    check_counts(runs, dut)
     fitted = {run.name for run in campaign.train}
     with hold(used, [_work(run, fitted) for run in used], options.scheduler) as held:
         result = _traced(held, campaign, runs, dut, options, dead, on_stage)

@@ -1,5 +1,6 @@
 """What a device file or a sidecar says against what the logs show: refused with both, and never where effects do it."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from drivers.errors import DataError
 from rig.log.run import ProcedureName, Run
 from rig.loop.campaign import LoopOptions
 from rig.loop.signals.checks import check_gear, check_signs, check_torques
+from rig.loop.signals.grid import check_counts, finer_grids
 from rig.loop.signals.sweeps import check_sweeps, check_work
 from rig.loop.signals.tracks import make_track
 from rig.loop.trace import trace
@@ -166,3 +168,85 @@ def test_one_run_whose_rows_run_backwards_is_refused_with_its_name() -> None:
     with pytest.raises(DataError, match="the loop of motor_torque over motor_position runs backwards") as caught:
         trace(runs, dut(DUT), LoopOptions())
     assert runs[1].name in str(caught.value)
+
+
+# -- counts and the torque constant
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "counts"),
+    [
+        ("motor_position", 16384, 1638),
+        ("motor_position", 16384, 163840),
+        ("motor_position", 16384, 32768),
+        ("output_position", 524288, 52428),
+        ("output_position", 524288, 52428800),
+    ],
+)
+def test_counts_that_the_log_contradicts_are_refused_with_those_that_it_shows(
+    name: str, given: int, counts: int
+) -> None:
+    device = dut(DUT.replace(f"encoder_counts = {given}", f"encoder_counts = {counts}"))
+    with pytest.raises(DataError, match=f"{name} goes in steps of .* an encoder of {given} counts") as caught:
+        trace(swept(), device, LoopOptions())
+    assert caught.value.value == counts
+
+
+def test_angles_in_degrees_are_refused_by_their_grid_without_a_catalogue() -> None:
+    factor = 180.0 / np.pi
+    runs = [scaled(run, motor_position=factor, output_position=factor) for run in swept()]
+    device = dut('name = "x"\n[motor]\nencoder_counts = 16384\n[output]\nencoder_counts = 524288\n')
+    with pytest.raises(DataError, match="those counts if the angle is in degrees"):
+        trace(runs, device, LoopOptions())
+
+
+def angles(runs: Sequence[Run], change: Callable[[Floats], Floats]) -> list[Run]:
+    """Give the runs with both angles changed."""
+    return [
+        replace(run, signals={n: change(v) if n.endswith("_position") else v for n, v in run.signals.items()})
+        for run in runs
+    ]
+
+
+def averaged(angle: Floats) -> Floats:
+    """Give moving means of four samples."""
+    return np.convolve(angle, np.full(4, 0.25), mode="same")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda angle: angle,
+        lambda angle: angle + 1e-5 * np.random.default_rng(1).standard_normal(angle.size),
+        lambda angle: np.round(angle, 4),
+        lambda angle: np.radians(np.round(np.degrees(angle), 3)),
+        lambda angle: angle.astype(np.float32).astype(float),
+        lambda angle: 0.3 * angle + 0.7 * np.roll(angle, 1),
+        averaged,
+        lambda angle: np.round(angle * 1e-3 * 524288) / 524288 * 1e3,
+    ],
+    ids=["counts", "noise", "decimals", "decimals of degrees", "float32", "filter", "means", "no whole number"],
+)
+def test_an_angle_on_no_grid_or_one_that_is_no_encoders_contradicts_no_counts(
+    change: Callable[[Floats], Floats],
+) -> None:
+    check_counts(angles(swept(), change), dut(DUT))
+    check_counts(angles([turning_run("a", 1)], change), dut(DUT))
+
+
+def test_a_grid_that_is_finer_by_a_whole_number_is_a_warning_because_it_may_be_of_means() -> None:
+    assert finer_grids(swept(), dut(DUT)) == []
+    lines = dut(DUT.replace("encoder_counts = 16384", "encoder_counts = 4096"))
+    check_counts(swept(), lines)
+    (told,) = finer_grids(swept(), lines)
+    assert "means of 4 samples, or the counts are 16384" in told
+
+
+def test_a_torque_constant_that_the_log_contradicts_is_a_warning_with_both() -> None:
+    runs = [turning_run(name, seed) for seed, name in enumerate("ab")]
+    with_current = [replace(r, signals={**r.signals, "motor_current": r.signals["motor_torque"] / 0.321}) for r in runs]
+    for text, said in ((DUT, False), (DUT.replace("0.321", "3.21"), True)):
+        warnings = trace(with_current, dut(text), LoopOptions(held_out=("b",))).warnings
+        told = [warning for warning in warnings if "torque_constant" in warning]
+        assert bool(told) is said
+        assert not said or ("motor_torque is 0.321 N*m for 1 A" in told[0] and "is 3.21 N*m/A" in told[0])
