@@ -77,8 +77,8 @@ def _check_held_shaft(run: Run, ratio: float) -> None:
         column="procedure",
         value=str(run.procedure),
         expected=f"the {names[0]} at rest while the torque twists the drive",
-        hint=f"Correct the procedure in the sidecar or mapping ({meant} holds the {names[1]}), or connect the encoder "
-        f"of the {names[1]}.",
+        hint=f"Correct the procedure in the sidecar or mapping ({meant} holds the {names[1]}), the columns of both "
+        f"angles, or connect the encoder of the {names[1]}.",
     )
 
 
