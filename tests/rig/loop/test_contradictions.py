@@ -82,6 +82,13 @@ def test_a_time_whose_samples_are_less_than_a_microsecond_apart_is_refused_with_
     assert "unit of time" in str(caught.value)
 
 
+def test_replicates_that_last_a_few_hundredths_of_a_second_are_no_replicates_and_no_numpy_warning() -> None:
+    plan = replace(SWEEPS, locked_pairs=1, backdrives=0)
+    runs, held_out = runs_of(Campaign(5, plan=plan, rate=100.0))
+    result = trace([replace(run, time=1e-3 * run.time) for run in runs], dut(DUT), LoopOptions(held_out=held_out))
+    assert result.equations
+
+
 def cut(run: Run, first: int, count: int) -> Run:
     """Give `count` samples of a run."""
     part = slice(first, first + count)
