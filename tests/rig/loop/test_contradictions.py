@@ -11,11 +11,12 @@ from rig.log.run import ProcedureName, Run
 from rig.loop.campaign import LoopOptions
 from rig.loop.signals.checks import check_gear, check_signs, check_torques
 from rig.loop.signals.grid import check_counts, finer_grids
+from rig.loop.signals.recordings import check_recordings
 from rig.loop.signals.sweeps import check_sweeps, check_work
 from rig.loop.signals.tracks import make_track
 from rig.loop.trace import trace
 from tests.independent.campaign import DUT, Campaign, Plan
-from tests.rig.loop.runs import Floats, dut, runs_of, turning_run
+from tests.rig.loop.runs import Floats, dut, make_run, runs_of, turning_run
 
 SWEEPS = Plan(locked_angles=2, locked_pairs=0, backdrives=2, backdrive_pairs=0, free_runs=0)
 
@@ -73,6 +74,12 @@ def test_one_recording_under_two_names_is_refused_with_both(replicate: str | Non
     with pytest.raises(DataError, match="a, c: the two runs are the same recording") as caught:
         trace([replace(first, replicate=replicate), other, copy], dut(), LoopOptions(held_out=("b",)))
     assert "Remove c.csv" in str(caught.value)
+
+
+def test_two_runs_of_a_held_encoder_alone_are_no_copies() -> None:
+    time = np.arange(0.0, 30.0, 0.01)
+    held = {"motor_position": np.zeros(time.size), "output_position": np.floor(2.0 + np.sin(time))}
+    check_recordings([make_run(name, "backdrive", time, held) for name in "ab"])
 
 
 def test_a_time_whose_samples_are_less_than_a_microsecond_apart_is_refused_with_its_interval() -> None:
