@@ -2,8 +2,9 @@
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from rich.console import Console
 
@@ -154,17 +155,35 @@ def dut_of(runs: Sequence[Run]) -> Dut:
 
 
 def write_loop(result: LoopResult, out: Path) -> LoopFiles:
-    """Write `loop.json`, `model.json`, `views.json` for the report, the table and the plot into `out`."""
+    """Write `loop.json`, `model.json`, `views.json` for the report, the table and the plot into `out`.
+
+    All are written aside and moved there at the end: if it is interrupted, what was there stays as it was.
+    """
     try:
         out.mkdir(parents=True, exist_ok=True)
-        files = LoopFiles(out / RESULT_NAME, out / MODEL_NAME, out / "table.txt", out / "plot.svg", out / VIEWS_NAME)
-        plot_loop(result, files.plot)
-        files.result.write_text(json.dumps(result.to_json(), indent=2, allow_nan=False) + "\n", encoding="utf-8")
-        write_model(result.model, files.model)
-        write_views(result.views, files.views)
-        files.table.write_text(text_of(result) + "\n", encoding="utf-8")
+        with TemporaryDirectory(prefix=".unfinished-", dir=out) as aside:
+            written = _write_all(result, Path(aside))
+            files = _files_in(out)
+            for new, place in zip(astuple(written), astuple(files), strict=True):
+                new.replace(place)
     except OSError as error:
         raise ConfigError("-o", [Mistake("-o", str(out), f"cannot be written: {error.strerror or error}")]) from error
+    return files
+
+
+def _files_in(folder: Path) -> LoopFiles:
+    return LoopFiles(
+        folder / RESULT_NAME, folder / MODEL_NAME, folder / "table.txt", folder / "plot.svg", folder / VIEWS_NAME
+    )
+
+
+def _write_all(result: LoopResult, folder: Path) -> LoopFiles:
+    files = _files_in(folder)
+    plot_loop(result, files.plot)
+    files.result.write_text(json.dumps(result.to_json(), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    write_model(result.model, files.model)
+    write_views(result.views, files.views)
+    files.table.write_text(text_of(result) + "\n", encoding="utf-8")
     return files
 
 

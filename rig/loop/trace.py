@@ -21,7 +21,7 @@ from rig.loop.fitting.fit import BLOCK, SHORTEST_BLOCK, Fit, Material, fit, fit_
 from rig.loop.fitting.normal import about
 from rig.loop.fitting.starts import scaled_to_data
 from rig.loop.model.curves import curve_of
-from rig.loop.model.equations import FEWEST_SAMPLES, Equation, Law, Piece, distinct_readings, pieces_of
+from rig.loop.model.equations import Equation, Law, Piece, distinct_readings, pieces_of
 from rig.loop.model.frames import turned, turned_shape
 from rig.loop.model.parameters import parameter_table
 from rig.loop.model.prediction import Model, predict
@@ -31,7 +31,10 @@ from rig.loop.result import EquationResult, Errors, LoopResult, Step
 from rig.loop.search.decision import Selection
 from rig.loop.search.select import select
 from rig.loop.signals.checks import check_gear, check_magnitudes, check_signs, check_torques
+from rig.loop.signals.grid import check_counts
 from rig.loop.signals.living import living
+from rig.loop.signals.recordings import FEWEST_SAMPLES, check_recordings, too_short
+from rig.loop.signals.sweeps import check_sweeps, check_work
 from rig.loop.signals.tracks import SMOOTHING, Track, make_track, thin_track
 from rig.loop.statements.events import Event, events_of, without_events
 from rig.loop.statements.metrics import Floor, Residual, errors, floor_of, pooled, residual_of
@@ -77,6 +80,9 @@ def trace(
     campaign = split_runs(runs, options)
     check_magnitudes(runs)
     used, dead = living([*campaign.train, *campaign.held_out])
+    check_recordings(runs)
+    check_sweeps(runs, dut)
+    check_counts(runs, dut)
     fitted = {run.name for run in campaign.train}
     with hold(used, [_work(run, fitted) for run in used], options.scheduler) as held:
         result = _traced(held, campaign, runs, dut, options, dead, on_stage)
@@ -110,6 +116,7 @@ def _traced(
     ratio = check_gear(train, dut)
     check_signs(known_tracks, ratio)
     check_torques(known_tracks, ratio)
+    check_work(runs)
     start = scaled_to_data(start_model(dut, ratio, options.law, options.base), train)
     names = frozenset(track.name for track in train)
     pieces = tracks.spread(_pieces_to_fit, names, ratio, start)
@@ -118,7 +125,16 @@ def _traced(
             ", ".join(track.name for track in train[:4]),
             "no equation can be formed from the training runs",
             expected="both positions and the ratio, or a torque or current with a position",
-            hint="Check the channels in the log, and the ratio in the device file.",
+            hint=" ".join(
+                [*too_short(campaign.train), "Check the channels in the log, and the ratio in the device file."]
+            ),
+        )
+    if not any(pieces_of(track, ratio) for track in held_out):
+        raise DataError(
+            ", ".join(track.name for track in held_out[:4]),
+            "no equation can be formed from the held-out runs: nothing would test the model",
+            expected="a held-out run with the channels of the runs that are fitted, long enough",
+            hint=" ".join([*too_short(campaign.held_out), "Hold out another run with --held-out, or record one more."]),
         )
     on_stage(f"fitting {counted(len(campaign.train), 'run')} and searching what they leave")
     known = known_parameters(dut, ratio)
@@ -154,6 +170,7 @@ def _traced(
         *shortenings(runs),
         *campaign.warnings,
         *dead,
+        *too_short(runs),
         *wrong.warnings,
         *far_from_prior(final, still_open),
         *doubts(final),

@@ -135,7 +135,7 @@ def _of_step(
     try:
         found = contest(final, (kind,), members, known)
     except (ModelError, np.linalg.LinAlgError):  # no drive is like the model without it
-        return NextExperiment(_by_hand(members), "")
+        return NextExperiment(by_hand(members), "")
     orders = [line.order for line in final.model.lines if line.kind == kind]
     never = {frozenset(QUOTIENT)}
     if any(abs(order - 1.0) < AT_ORDER_ONE for order in orders):
@@ -157,7 +157,7 @@ def _of_open(
             else:
                 found = contest(final, (), item.group, known)
         except (ModelError, np.linalg.LinAlgError):  # no drive is like the catalogue
-            return NextExperiment(_by_hand(item.group), "")
+            return NextExperiment(by_hand(item.group), "")
         if item.verdict is not Verdict.ABSORBED:
             found = replace(found, rivals=(*found.rivals, rival_of(NO_EFFECT, found.without)))
         chosen = choose(found, bench.plans, dut, {pair for pair in BY_HAND if not pair & TWINS.keys()})
@@ -182,7 +182,7 @@ def _told(
     """Say which run was chosen and what it does, and what remains for a change by hand."""
     asked = [rival.effect for rival in found.in_question()]
     if chosen is None:
-        return NextExperiment(_by_hand(asked if len(asked) > 1 else list(members)), "")
+        return NextExperiment(by_hand(asked if len(asked) > 1 else list(members)), "")
     apart = {frozenset(pair) for pair in chosen.pairs}
     left = [
         pair for pair in (frozenset((a, b)) for k, a in enumerate(asked) for b in asked[k + 1 :]) if pair not in apart
@@ -191,7 +191,7 @@ def _told(
     more = f" and {len(chosen.pairs) - 3} more pairs" if len(chosen.pairs) > 3 else ""
     why = f"{_sentence(chosen.offer.entry.varies)}: tells {settled}{more}."
     if left:
-        why += f" {_by_hand(sorted(set().union(*left)))}"
+        why += f" {by_hand(sorted(set().union(*left)))}"
     return NextExperiment(why, chosen.command, chosen.sigma, chosen.minutes)
 
 
@@ -203,13 +203,16 @@ def _sentence(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _by_hand(effects: Iterable[str]) -> str:
-    """Say that no run of this bench tells these apart, and what does."""
+def by_hand(effects: Iterable[str]) -> str:
+    """Say that no run of this bench tells these apart, and what does, if anything is known."""
     effects = sorted(effects)
     pairs = {frozenset((a, b)) for k, a in enumerate(effects) for b in effects[k + 1 :]}
     known = [text for pair, text in BY_HAND.items() if pair in pairs]
     ways = known or [f"{name}: {CATALOGUE[name].separated_by}" for name in effects if name in CATALOGUE]
-    return f"No run of this bench tells {' | '.join(effects)} apart; by hand: {'; '.join(dict.fromkeys(ways))}."
+    told = f"No run of this bench tells {' | '.join(_named(name) for name in effects)} apart"
+    if not ways:
+        return f"{told}, and no change by hand is known that does."
+    return f"{told}; by hand: {'; '.join(dict.fromkeys(ways))}."
 
 
 def _too_little(effects: Sequence[str]) -> str:

@@ -20,9 +20,10 @@ from rig.config.dut import Dut
 from rig.loop.experiment.rivals import Form, Rival
 from rig.loop.fitting.fit import Fit
 from rig.loop.fitting.normal import Columns, Kind, Noise, linearise, solve
-from rig.loop.model.equations import FEWEST_SAMPLES, Equation, Piece, pieces_of
+from rig.loop.model.equations import Equation, Piece, pieces_of
 from rig.loop.model.prediction import Model, predict
 from rig.loop.search.compliance_form import form_columns
+from rig.loop.signals.recordings import FEWEST_SAMPLES
 from rig.loop.signals.tracks import SMOOTHING, Track
 
 Floats = NDArray[np.float64]

@@ -33,8 +33,9 @@ from rig.loop.fitting.normal import (
     weighted,
 )
 from rig.loop.model.curves import Curve
-from rig.loop.model.equations import FEWEST_SAMPLES, Piece
+from rig.loop.model.equations import Piece
 from rig.loop.model.prediction import Model
+from rig.loop.signals.recordings import FEWEST_SAMPLES
 from rig.loop.signals.tracks import pick_rows, thin_track
 from rig.loop.workers.held import Held
 

@@ -7,12 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.log.run import ProcedureName
+from rig.loop.signals.recordings import FEWEST_SAMPLES
 from rig.loop.signals.tracks import Track
 
 Floats = NDArray[np.float64]
-
-FEWEST_SAMPLES = 20
-"""Below this a run says nothing about an equation."""
 
 
 SAME_READING = 1e-11

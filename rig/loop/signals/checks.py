@@ -13,12 +13,18 @@ from drivers.errors import DataError
 from drivers.signals import BY_NAME
 from rig.config.dut import Dut
 from rig.log.run import SWEEPS, ProcedureName, Run
+from rig.loop.signals.recordings import FEWEST_SAMPLES
 from rig.loop.signals.tracks import Track
 
 Floats = NDArray[np.float64]
 
-RATIO_TOLERANCE = 0.01
-"""Relative; torsion and errors of both encoders change the slope over a turn by far less."""
+SLOPE_DOUBT = 10.0
+"""Times what a line leaves of the legs (rad, rms) by which such structure may lift its far end over its near one: twice
+what one wave as long as a leg does."""
+
+UNSEEN = 3e-3
+"""rad at the output by which what a leg does not show as structure (an eccentric disc or a load over less than a turn,
+a drift) may lift the far end; over less than 1 rad in proportion."""
 
 LEAST_TRAVEL = 6.0
 """rad at the motor over which a ratio can be measured."""
@@ -31,6 +37,9 @@ LEAST_IN_LEGS = 0.01
 
 GROSS = 1.4
 """Factor between the two torques beyond which the device file or a scale is wrong: no effect of a gear comes near."""
+
+GROSS_IN_A_RUN = 2.0
+"""The same of one run, while the sweeps together show none: friction that depends on the load reaches 1.24."""
 
 CLIMB = 0.03
 """Share of its range by which a torque must rise or fall within a step of a sweep, so that the gear slips in it."""
@@ -74,7 +83,28 @@ def measured_slope(tracks: Sequence[Track]) -> float | None:
 
     Each stretch that turns one way has a constant of its own: the torsion of one direction is not that of the other.
     """
-    whole, legs = np.zeros(2), np.zeros(2)
+    power, common, _, _ = _turning_products(tracks)
+    return float(power / common) if common else None
+
+
+def slope_doubt(tracks: Sequence[Track], stiffness: float | None) -> float:
+    """Give the relative doubt that kinematic errors, eccentric discs, loads and noise leave in `measured_slope`.
+
+    `stiffness`: N*m/rad of the catalogue, through which a load that changes while turning twists the output.
+    """
+    power, common, output, count = _turning_products(tracks)
+    if not common:
+        return 0.0
+    travel = float(np.sqrt(12.0 * output / count))
+    left = float(np.sqrt(max(output - common**2 / power, 0.0) / count))
+    loads = [track.T[track.steady] for track in tracks if track.moves and track.T is not None and track.steady.any()]
+    twist = max(float(np.ptp(load)) for load in loads) / stiffness if loads and stiffness is not None else 0.0
+    return (SLOPE_DOUBT * left + UNSEEN * min(1.0, travel) + twist) / travel
+
+
+def _turning_products(tracks: Sequence[Track]) -> Floats:
+    """Give the sums of motor squared, motor times output, output squared (rad^2) and of samples of what turns."""
+    whole, legs = np.zeros(4), np.zeros(4)
     for track in tracks:
         if track.motor_position is None or track.output_position is None or not track.usable.any():
             continue
@@ -88,14 +118,13 @@ def measured_slope(tracks: Sequence[Track]) -> float | None:
         for start, stop in itertools.pairwise(edges.tolist()):
             if speed[start] != 0.0:
                 legs += _products(track.motor_position[start:stop], track.output_position[start:stop])
-    power, common = legs if legs[1] != 0.0 and legs[0] > LEAST_IN_LEGS * whole[0] else whole
-    return float(power / common) if common else None
+    return legs if legs[1] != 0.0 and legs[0] > LEAST_IN_LEGS * whole[0] else whole
 
 
 def _products(motor: Floats, output: Floats) -> Floats:
-    """Give the sums of motor squared and of motor times output, each about its mean."""
-    centred = motor - motor.mean()
-    return np.array([centred @ centred, centred @ (output - output.mean())])
+    """Give the sums of motor squared, of motor times output and of output squared, each about its mean; and of ones."""
+    motor, output = motor - motor.mean(), output - output.mean()
+    return np.array([motor @ motor, motor @ output, output @ output, motor.size])
 
 
 def check_gear(tracks: Sequence[Track], dut: Dut) -> float | None:
@@ -114,13 +143,14 @@ def check_gear(tracks: Sequence[Track], dut: Dut) -> float | None:
             expected=f"rotation '{found}', or the other sign of one encoder",
             hint="Correct the device file, or the sign of the channel in the bench file or mapping.",
         )
-    if given is not None and abs(-slope / given - 1.0) > RATIO_TOLERANCE:
+    doubt = slope_doubt(tracks, dut.gear.K1)
+    if given is not None and abs(-slope / given - 1.0) > doubt:
         raise DataError(
             f"device '{dut.name}'",
-            f"ratio = {given:g}, but the motor turns {-slope:.4g} times for one turn of the output",
+            f"ratio = {given:g}, but the motor turns {-slope:.6g} times for one turn of the output",
             column="gear.ratio",
             value=given,
-            expected=f"a ratio within {100 * RATIO_TOLERANCE:.0f} % of {-slope:.4g}",
+            expected=f"a ratio within {100 * doubt:.2g} % of {-slope:.6g}",
             hint="Correct the ratio, or the counts per revolution of one encoder.",
         )
     if given is not None:
@@ -132,15 +162,14 @@ def check_gear(tracks: Sequence[Track], dut: Dut) -> float | None:
 def check_signs(tracks: Sequence[Track], ratio: float | None) -> None:
     """Raise DataError where a torque has the wrong sign: it must wind the drive up, and drive what it turns."""
     for track in tracks:
-        _check_torsion(track, ratio)
-        _check_power(track, ratio)
+        if np.count_nonzero(track.usable) >= FEWEST_SAMPLES:
+            _check_torsion(track, ratio)
+            _check_power(track, ratio)
 
 
 def _check_torsion(track: Track, ratio: float | None) -> None:
     swept = track.procedure in (ProcedureName.LOCKED_OUTPUT, ProcedureName.BACKDRIVE) and not track.moves
     if not swept or ratio is None or track.motor_position is None or track.output_position is None:
-        return
-    if not track.usable.any():
         return
     torsion = track.output_position + track.motor_position / ratio
     for name, torque in (("output_torque", track.T), ("motor_torque", track.M)):
@@ -159,9 +188,16 @@ def _check_torsion(track: Track, ratio: float | None) -> None:
 
 
 def check_torques(tracks: Sequence[Track], ratio: float | None) -> None:
-    """Raise DataError where the output torque is not by far ratio times the motor torque while the gear slips."""
+    """Raise DataError where the output torque is not by far ratio times the motor torque while the gear slips.
+
+    Where the sweeps together agree with the ratio, each is looked at for itself.
+    """
     found = torque_factor(tracks, ratio)
-    if found is None or ratio is None or 1.0 / GROSS < found < GROSS:
+    if found is None or ratio is None:
+        return
+    if 1.0 / GROSS < found < GROSS:
+        for track in tracks:
+            _check_torques_of(track, ratio)
         return
     turning = measured_slope(tracks) is not None
     suspects = "the torque constant, or the gain or unit of one torque"
@@ -178,6 +214,21 @@ def check_torques(tracks: Sequence[Track], ratio: float | None) -> None:
     )
 
 
+def _check_torques_of(track: Track, ratio: float) -> None:
+    found = torque_factor([track], ratio)
+    if found is None or 1.0 / GROSS_IN_A_RUN < found < GROSS_IN_A_RUN:
+        return
+    raise DataError(
+        track.name,
+        f"output_torque moves by {found * ratio:.4g} N*m for 1 N*m of motor_torque in this run, {found:.3g} times the "
+        f"ratio {ratio:g}, with which the sweeps together agree",
+        column="output_torque",
+        value=round(found, 4),
+        expected=f"a factor between {1.0 / GROSS_IN_A_RUN:g} and {GROSS_IN_A_RUN:g}",
+        hint="Check the columns, the units and the gains of both torques of this run; leave it out or repeat it.",
+    )
+
+
 def torque_factor(tracks: Sequence[Track], ratio: float | None) -> float | None:
     """Give d(output_torque)/d(motor_torque) over the ratio where the gear slips in sweeps; None without such.
 
@@ -186,6 +237,8 @@ def torque_factor(tracks: Sequence[Track], ratio: float | None) -> float | None:
     found: list[float] = []
     for track in tracks:
         if ratio is None or track.moves or track.T is None or track.M is None or track.procedure not in SWEEPS:
+            continue
+        if track.size < FEWEST_SAMPLES:
             continue
         follows = track.T if track.procedure is ProcedureName.LOCKED_OUTPUT else track.M
         places = np.linspace(0, track.size - 1, STEPS + 1).astype(np.intp)

@@ -82,18 +82,19 @@ def repeats(residuals: Sequence[Residual], dut: Dut, model: Model) -> Repeats | 
     odd: list[str] = []
     for one, two in pairs(residuals):
         time, a, b = aligned(one, two)
-        if time.size < 50 or not np.any(a) or not np.any(b):
-            continue
         period = one.piece.track.period
+        apart = means(a - b, period)
+        if time.size < 50 or apart.size < FEWEST_MEANS or not np.any(a) or not np.any(b):
+            continue
         window = max(1, round(SMOOTHING / period))
         x, y = uniform_filter1d(a, window), uniform_filter1d(b, window)
         x, y = x - x.mean(), y - y.mean()
-        if not np.any(x) or not np.any(y):
+        power = float(x @ x) * float(y @ y)
+        if power == 0.0:
             continue
-        rhos.append(float(x @ y / math.sqrt(float(x @ x) * float(y @ y))))
+        rhos.append(float(x @ y) / math.sqrt(power))
         squares.append(float(np.mean(a**2) + np.mean(b**2)) / 2.0)
         differences.append(float(np.mean((a - b) ** 2)) / 2.0)
-        apart = means(a - b, period)
         slow.append(float(np.mean((apart - apart.mean() if one.piece.demeaned else apart) ** 2)) / 2.0)
         lengths.append(time.size / window)
         boxes += [ljung_box(one), ljung_box(two)]
@@ -120,6 +121,9 @@ def repeats(residuals: Sequence[Residual], dut: Dut, model: Model) -> Repeats | 
         ljung_box=float(np.mean(boxes)),
     )
 
+
+FEWEST_MEANS = 2
+"""Means of a pair of runs without which neither tells what is slow from noise."""
 
 REMEMBERS = 10.0
 """Ljung-Box statistic per lag above which a residual without replicates is no white noise."""

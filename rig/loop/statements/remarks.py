@@ -19,6 +19,7 @@ from rig.loop.search.aliases import aliases, samplings
 from rig.loop.search.decision import Selection
 from rig.loop.search.lines import USUAL_HIGHEST_ORDER
 from rig.loop.signals.checks import measured_slope
+from rig.loop.signals.grid import finer_grids
 from rig.loop.signals.living import ANGLES, TORQUES
 from rig.loop.signals.tracks import Track
 from sim_backend.model.compliance import LAWS
@@ -37,6 +38,12 @@ STRIDE = 10
 
 LEAST_HIDDEN = 0.05
 """Share of a torque line that may hide in the rotor's motion and is then said."""
+
+LEAST_CORRELATION = 0.95
+"""Of motor torque and motor current, so that one was worked out from the other."""
+
+OFF_CONSTANT = 0.05
+"""Relative difference of torque constants that is said; magnets and copper lose less as they warm up."""
 
 _MEASURED = (*ANGLES, *TORQUES)
 _HELD = {ProcedureName.LOCKED_OUTPUT: "output_position", ProcedureName.BACKDRIVE: "motor_position"}
@@ -142,6 +149,13 @@ def remarks(tracks: Sequence[Track], runs: Sequence[Run], dut: Dut, model: Model
             f"The device file's {name} ({catalogue:.4g} N*m) is {catalogue / measured:.2g} times what these runs show, "
             f"{measured:.4g} N*m."
         )
+    found += finer_grids(runs, dut)
+    logged, given = _logged_torque_constant(runs), dut.motor.torque_constant
+    if logged is not None and given is not None and abs(logged / given - 1.0) > OFF_CONSTANT:
+        found.append(
+            f"The logs' motor_torque is {logged:.4g} N*m for 1 A of motor_current, but the device file's "
+            f"torque_constant is {given:.4g} N*m/A: motor_torque was taken as recorded. Correct the device file."
+        )
     for run in runs:
         constant = sorted(
             name
@@ -157,6 +171,20 @@ def remarks(tracks: Sequence[Track], runs: Sequence[Run], dut: Dut, model: Model
         most = max(gaps, key=lambda name: gaps[name])
         found.append(f"{sum(gaps.values())} gaps in {len(gaps)} of {len(runs)} runs, most in {most}.")
     return found
+
+
+def _logged_torque_constant(runs: Sequence[Run]) -> float | None:
+    """Give motor torque over motor current (N*m/A) of the runs that have both and in which they are one measurement."""
+    sums = np.zeros(3)
+    for run in runs:
+        torque, current = run.signals.get("motor_torque"), run.signals.get("motor_current")
+        if torque is None or current is None:
+            continue
+        both = np.isfinite(torque) & np.isfinite(current)
+        sums += torque[both] @ torque[both], torque[both] @ current[both], current[both] @ current[both]
+    torques, common, currents = sums
+    alike = common > LEAST_CORRELATION * math.sqrt(torques * currents)
+    return math.sqrt(torques / currents) if currents > 0.0 and alike else None
 
 
 def doubts(final: Fit) -> list[str]:

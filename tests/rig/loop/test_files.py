@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -10,7 +11,9 @@ import pytest
 from rich.console import Console
 
 from drivers.errors import ConfigError
+from rig.commands.loop import write_loop
 from rig.config.dut import SHD_17_100
+from rig.interrupt import Interrupted
 from rig.loop.campaign import LoopOptions
 from rig.loop.display import interval_text
 from rig.loop.files.model_storage import load_model, write_model
@@ -33,6 +36,26 @@ def result() -> LoopResult:
 def test_a_model_file_comes_back_as_it_was_written(tmp_path: Path) -> None:
     write_model(result().model, tmp_path / "model.json")
     assert load_model(tmp_path / "model.json") == result().model
+
+
+@pytest.mark.parametrize("last", ["plot_loop", "write_views", "text_of"])
+def test_an_interrupted_end_leaves_the_former_result_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, last: str
+) -> None:
+    def interrupt(*_: object) -> None:
+        raise Interrupted("SIGINT")
+
+    former = write_loop(result(), tmp_path)
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    assert former.views in before
+    assert len(before) == 5
+    monkeypatch.setattr(f"rig.commands.loop.{last}", interrupt)
+    with pytest.raises(Interrupted):
+        write_loop(replace(result(), warnings=("other",)), tmp_path)
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+    with pytest.raises(Interrupted):
+        write_loop(result(), tmp_path / "new")
+    assert list((tmp_path / "new").iterdir()) == []
 
 
 def test_a_device_file_that_contradicts_itself_is_a_warning() -> None:

@@ -2,6 +2,7 @@
 
 import pytest
 
+from rig.loop.experiment.next import by_hand
 from tests.rig.loop.experiment.hidden import loop, record, truth
 
 SINGLE_RATE = (
@@ -56,3 +57,11 @@ def test_what_no_run_of_the_bench_tells_apart_is_said_with_what_does_and_no_comm
     assert told["command"] == ""
     assert told["expected_separation_sigma"] is None
     assert told["why"].startswith("No run of this bench tells channel-delay | torque-sensor-lag apart; by hand: ")
+
+
+def test_where_nothing_is_known_that_tells_two_lines_apart_the_sentence_says_so() -> None:
+    told = by_hand(["a line in the torsion", "unnamed:motor_position:periodic"])
+    assert told == (
+        "No run of this bench tells a line in the torsion | the line as it is now: motor_position:periodic apart, and "
+        "no change by hand is known that does."
+    )
