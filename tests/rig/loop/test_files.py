@@ -80,7 +80,7 @@ def test_every_stage_of_the_loop_is_told() -> None:
     stages: list[str] = []
     runs = [turning_run("a", 0), turning_run("c", 2)]
     trace(runs, dut(), LoopOptions(held_out=("c",)), on_stage=stages.append)
-    for told in ("fitting 1 runs", "trying every effect on what is left, 0 added", "judging whether what", "held-out"):
+    for told in ("fitting 1 run ", "trying every effect on what is left, 0 added", "judging whether what", "held-out"):
         assert any(told in stage for stage in stages), told
 
 
