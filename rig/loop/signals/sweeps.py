@@ -4,6 +4,7 @@ Looked at before channels that stand still are taken for dead. Everything is jud
 which neither noise nor an encoder's counts reach.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -26,8 +27,9 @@ that yields the motor goes even further; a motor that is turned through the gear
 LEAST_WAY = 2e-4
 """rad at the output that a shaft goes in a sweep; below it is noise, counts or a run without load."""
 
-GROSS_STIFFNESS = 20.0
-"""Factor between stiffness and catalogue beyond which a unit is wrong; a wrong digit is a factor of 10."""
+DEGREES, ALIKE = 180.0 / math.pi, 1.4
+"""Factor between stiffness and catalogue that angles in another unit make, and the factor within which it is that. A
+catalogue that is off by anything else is a prior, no limit."""
 
 LOADED = 0.5
 """Share of the torque up to which K1 is stated that a sweep needs to show a stiffness beside play and friction."""
@@ -83,14 +85,15 @@ def _check_held_shaft(run: Run, ratio: float) -> None:
 
 
 def _check_stiffness(sweeps: Sequence[Run], ratio: float, dut: Dut) -> None:
-    """Raise DataError where the most loaded sweep is softer or stiffer than the catalogue by more than a digit."""
+    """Raise DataError where the most loaded sweep is softer or stiffer than the catalogue as degrees would make it."""
     shown = [found for run in sweeps if (found := _twist(run, ratio, dut)) is not None]
     if dut.gear.K1 is None or not shown:
         return
     torque, torsion, name = max(shown)
     stiffness = torque / torsion
     loaded = torque > LOADED * (dut.gear.T1 or dut.gear.rated_torque or 0.0)
-    if not loaded or 1.0 / GROSS_STIFFNESS < stiffness / dut.gear.K1 < GROSS_STIFFNESS:
+    off = abs(math.log(stiffness / dut.gear.K1))
+    if not loaded or not DEGREES / ALIKE < math.exp(off) < DEGREES * ALIKE:
         return
     raise DataError(
         name,
@@ -98,9 +101,9 @@ def _check_stiffness(sweeps: Sequence[Run], ratio: float, dut: Dut) -> None:
         f"file's K1 is {dut.gear.K1:g} N*m/rad",
         column="gear.K1",
         value=dut.gear.K1,
-        expected=f"a factor below {GROSS_STIFFNESS:g} between them",
-        hint="Check the unit of both angles (degrees for rad are a factor of 57.3) and of the torque in the header or "
-        "mapping, and K1.",
+        expected="angles in rad, or K1 as these runs show it",
+        hint=f"Between degrees and rad lies a factor of {DEGREES:.3g}, and between these values {math.exp(off):.3g}: "
+        "check the unit of both angles in the header or mapping, and K1.",
     )
 
 

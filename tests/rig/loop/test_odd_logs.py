@@ -135,13 +135,13 @@ def test_structure_without_replicates_is_untraced_and_says_what_is_not_known() -
 @pytest.mark.parametrize(
     ("given", "wrong"),
     [
-        ("K1 = 8.4e3", "K1 = 500"),
-        ("K1 = 8.4e3\nK2 = 9.4e3", "K1 = 1.5e5\nK2 = 1.7e5"),
+        ("K1 = 8.4e3", "K1 = 0.1"),
+        ("K1 = 8.4e3\nK2 = 9.4e3", "K1 = 8.4e5\nK2 = 9.4e5"),
         ("starting_torque = 0.012", "starting_torque = 1.2"),
         ("starting_torque = 0.012", "starting_torque = 1.2e-4"),
     ],
 )
-def test_a_catalogue_that_is_off_by_far_costs_no_accuracy_and_is_said(given: str, wrong: str) -> None:
+def test_a_catalogue_that_is_off_by_any_factor_costs_no_accuracy_and_is_said(given: str, wrong: str) -> None:
     runs, held_out = runs_of(Campaign(5, plan=SMALL, rate=100.0))
     right = trace(runs, dut(DUT), LoopOptions(held_out=held_out))
     result = trace(runs, dut(DUT.replace(given, wrong)), LoopOptions(held_out=held_out))
