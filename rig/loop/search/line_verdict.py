@@ -124,7 +124,7 @@ def _beats(ground: Ground, candidate: LineCandidate) -> str:
     legs = samplings(ground.fit.linear, proposal.kind.variable)
     if beats(proposal.order, ground.fit.linear, proposal.kind.variable, legs):
         return "it is the encoder's counts beating with the samples"
-    if proposal.kind.is_angle:
+    if proposal.kind.is_angle and not proposal.kind.entry.is_product:  # counts know of no torque
         size, ratio = _angle_at_output(trial, proposal.kind, ground), ground.fit.model.ratio or 1.0
         if small_beats(proposal.order, size, ground.fit.linear, proposal.kind.variable, ratio):
             return "it is no larger than what an encoder's counts make, and beats with the samples as they do"
