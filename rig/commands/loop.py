@@ -15,7 +15,7 @@ from rig.commands.further import Asked, devices_of, with_commands
 from rig.config.dut import Dut, load_dut
 from rig.log.load import MOST_SAMPLES, READERS, load_runs
 from rig.log.names import writable_folder
-from rig.log.run import Run, endings, shortenings
+from rig.log.run import Run, averagings, endings
 from rig.loop.campaign import LoopOptions
 from rig.loop.files.model_storage import MODEL_NAME, load_model, write_model
 from rig.loop.files.views_file import VIEWS_NAME, write_views
@@ -112,7 +112,7 @@ def predict_command(model_file: Path, paths: tuple[Path, ...], out: Path, as_jso
         stage(f"predicting {counted(len(runs), 'run')}")
         living = [without_dead(run) for run in runs]
         written = write_predictions([run for run, _ in living], model, out)
-    warnings = (*endings(runs), *shortenings(runs), *(warning for _, warning in living if warning))
+    warnings = (*endings(runs), *averagings(runs), *(warning for _, warning in living if warning))
     if as_json:
         residuals = [{"run": one.run, **asdict(item)} for one in written for item in one.remaining]
         emit({"files": [str(one.file) for one in written], "residuals": residuals, "warnings": list(warnings)})

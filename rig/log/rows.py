@@ -67,7 +67,8 @@ class Rows:
     def add(self, time: NDArray[Any], columns: Mapping[str, Floats]) -> None:
         """Append rows: `time` (s, or ns as integers) and columns, all of shape (n,), NaN where a value is missing.
 
-        Raises DataError, with the row, where the time decreases, if rows are averaged and no later check can see it.
+        Raises DataError, with the row, where the time decreases and the number of rows is limited: no later check could
+        see it inside a mean.
         """
         new = _Block(time, dict(columns))
         self.count += new.rows
@@ -98,7 +99,7 @@ class Rows:
 
 
 def _joined(blocks: list[_Block]) -> _Block:
-    """Put blocks one after the other; column by column, so that no two copies of everything are held."""
+    """Put blocks one after the other, taking the columns out of them, so that no two copies of everything are held."""
     time = np.concatenate([block.time for block in blocks]) if blocks else np.empty(0)
     columns = {}
     for name in dict.fromkeys(name for block in blocks for name in block.columns):

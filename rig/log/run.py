@@ -108,7 +108,7 @@ class Run:
         return f"the run {how} ({shortened(first, LONGEST_REASON)})"
 
 
-def shortenings(runs: Iterable[Run]) -> tuple[str, ...]:
+def averagings(runs: Iterable[Run]) -> tuple[str, ...]:
     """Give one warning for every run of whose log means are used."""
     return tuple(
         f"{run.name}: the log is too large to be kept whole; every {run.averaged} samples in turn are replaced by "

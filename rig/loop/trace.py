@@ -12,7 +12,7 @@ import numpy as np
 from drivers.clock import Clock, RealClock
 from drivers.errors import DataError
 from rig.config.dut import Dut
-from rig.log.run import ProcedureName, Run, endings, shortenings
+from rig.log.run import ProcedureName, Run, averagings, endings
 from rig.loop.campaign import Campaign, LoopOptions, split_runs
 from rig.loop.experiment.next import with_next_experiments
 from rig.loop.files.model_file import Model as ModelFile
@@ -167,7 +167,7 @@ def _traced(
     steps, still_open = with_next_experiments(steps, selection.decisions, still_open, final, runs, dut, known)
     warnings = (
         *endings(runs),
-        *shortenings(runs),
+        *averagings(runs),
         *campaign.warnings,
         *dead,
         *too_short(runs),

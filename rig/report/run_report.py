@@ -10,7 +10,7 @@ from drivers.signals import BY_NAME
 from procedures.intents import Measurement
 from rig.config.dut import Dut, Rotation
 from rig.log.measurements import MEASUREMENTS, measurements_in
-from rig.log.run import Floats, Run, shortenings
+from rig.log.run import Floats, Run, averagings
 from rig.report.chart import Chart, Trace, axis_over, draw
 from rig.report.figures import figure
 from rig.report.html import NOTHING, Markup, element, joined
@@ -157,7 +157,7 @@ def _varies(values: Floats | None) -> bool:
 def _notes(run: Run) -> Markup | None:
     events = [f"{event.time:.3f} s, {event.kind}: {event.text}" for event in run.events]
     gaps = [f"A gap after {time:.3f} s." for time in run.gaps]
-    warnings = [*run.warnings, *shortenings([run]), *gaps]
+    warnings = [*run.warnings, *averagings([run]), *gaps]
     return joined(
         [
             element("h3", "Warnings") if warnings else None,

@@ -36,7 +36,7 @@ HARMONICS = 3
 """Harmonics of an encoder's sawtooth that are looked at."""
 
 HIGHEST_HARMONIC = 8
-"""The highest that is looked at of a line that is no larger than it makes one."""
+"""The highest of those that are looked at where a line is small enough to be one."""
 
 SAWTOOTH = 1.3
 """How much larger than the line of a sawtooth one may come out, with noise, and still be its."""
@@ -136,10 +136,11 @@ def small_beats(order: float, amplitude: float, items: Held[LinearPiece], variab
             continue
         along = signal if variable == "time" else variable
         per_turn = counts * at_output[along] / share
-        highest = min(int(SAWTOOTH * 2.0 * share / (counts * amplitude)), HIGHEST_HARMONIC)
+        first = SAWTOOTH * 2.0 * share / counts
+        harmonics = [m for m in range(1, HIGHEST_HARMONIC + 1) if amplitude < first / m]
         for leg in samplings(items, along):
             seen = order * leg.per_turn / leg.rate if variable == "time" else order
-            if any(alike(seen, m * per_turn, (leg,)) for m in range(1, highest + 1)):
+            if any(alike(seen, m * per_turn, (leg,)) for m in harmonics):
                 return True
     return False
 

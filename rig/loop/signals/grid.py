@@ -8,32 +8,14 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.errors import DataError
 from rig.config.dut import Dut
 from rig.log.run import Run
-
-Floats = NDArray[np.float64]
-
-READ = 1e-9
-"""Share of the largest angle to which it is known, at most: logs in text have ten digits."""
-
-FINEST = 1e-7
-"""rad below which differences are rounding; the finest encoders of a bench have some 1e-6."""
-
-FEWEST_STEPS, FEWEST_SIZES = 200, 5
-"""Steps between samples, and different sizes of them, from which a grid is read."""
-
-FEWEST_LONE = 50
-"""Steps between samples that stand still, from which a grid is read, too: they are of one count. At a constant speed
-every step may be of several."""
+from rig.loop.signals.counts import grid_of
 
 ENOUGH = 20_000
 """Samples of a run that are looked at."""
-
-OFF = 0.1
-"""Counts by which angles may miss the grid, rms; 0.29 is none at all."""
 
 SAME = 1e-3
 """Relative difference of counts that is none."""
@@ -109,41 +91,3 @@ def _rounded(step: float) -> bool:
         if unit < 2.0 * math.pi and abs(twos - round(twos)) < ROUNDED:
             return True
     return False
-
-
-def grid_of(angles: Sequence[Floats]) -> float | None:
-    """Give the step (rad) of the grid on which these angles (n,) rad lie; None where they lie on none."""
-    angles = [angle for angle in angles if angle.size > 1]
-    if not angles:
-        return None
-    read = max(FINEST, READ * max(float(np.abs(angle).max()) for angle in angles))
-    steps = np.sort(np.concatenate([np.abs(np.diff(angle)) for angle in angles]))
-    sizes = steps[np.flatnonzero(np.diff(steps, prepend=-1.0) > 2.0 * read)]
-    several = np.count_nonzero(steps > 2.0 * read) >= FEWEST_STEPS and sizes.size >= FEWEST_SIZES
-    if not several and sum(_lone_steps(angle, 2.0 * read) for angle in angles) < FEWEST_LONE:
-        return None
-    step = _fitted(steps, float(np.diff(sizes).min()))
-    ways = np.sort(np.concatenate([np.abs(angle - angle[0]) for angle in angles]))
-    return None if step is None else _fitted(ways, step)
-
-
-def _lone_steps(angle: Floats, read: float) -> int:
-    """Give how many steps of an angle (n,) rad stand between samples that do not differ by more than `read`."""
-    moved = np.abs(np.diff(angle)) > read
-    return int(np.count_nonzero(moved[1:-1] & ~moved[:-2] & ~moved[2:]))
-
-
-def _fitted(ways: Floats, step: float) -> float | None:
-    """Fit the step to ways (n,) rad in ascending order, the shortest first, so that no way is a count out."""
-    reach = 8.0 * step
-    while True:
-        some = ways[: np.searchsorted(ways, reach)]
-        times = np.round(some / step)
-        power = float(times @ times)
-        if power > 0.0:
-            step = float((some @ times) / power)
-            if float(np.sqrt(np.mean((some[times > 0.0] / step - times[times > 0.0]) ** 2))) > OFF:
-                return None
-        if reach > ways[-1]:
-            return step
-        reach *= 4.0

@@ -21,6 +21,9 @@ from rig.loop.statements.metrics import Residual, aligned, pairs, quantisation_s
 
 Floats = NDArray[np.float64]
 
+FEWEST_MEANS = 2
+"""Means of a pair of runs without which neither tells what is slow from noise."""
+
 NOISE_RHO = 0.15
 EXCESS = 1.1
 """Repeatable residual counts if the rms exceeds the floor by this factor."""
@@ -121,9 +124,6 @@ def repeats(residuals: Sequence[Residual], dut: Dut, model: Model) -> Repeats | 
         ljung_box=float(np.mean(boxes)),
     )
 
-
-FEWEST_MEANS = 2
-"""Means of a pair of runs without which neither tells what is slow from noise."""
 
 REMEMBERS = 10.0
 """Ljung-Box statistic per lag above which a residual without replicates is no white noise."""

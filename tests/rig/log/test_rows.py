@@ -13,7 +13,7 @@ from rig.log.csv_file import read_csv
 from rig.log.load import load_run, load_runs
 from rig.log.mcap_reader import read_mcap
 from rig.log.rows import MOST_AVERAGED, USUAL_COLUMNS, Rows
-from rig.log.run import Floats, shortenings
+from rig.log.run import Floats, averagings
 from rig.log.schema import SAMPLE_TYPE, message_class, sample_fields, sample_schema
 from rig.log.text_table import read_text_table, text_tables
 
@@ -128,9 +128,9 @@ def test_a_log_in_mcap_and_the_same_in_csv_give_the_same_means(tmp_path: Path) -
     for run in runs:
         assert run.signals["output_torque"] == pytest.approx(expected, abs=1e-9)
         assert np.diff(run.time)[:-1] == pytest.approx(0.008, abs=1e-9)
-    (note,) = shortenings(runs[:1])
+    (note,) = averagings(runs[:1])
     assert "every 8 samples" in note
-    assert shortenings([whole]) == ()
+    assert averagings([whole]) == ()
 
 
 def test_the_largest_runs_of_a_campaign_are_averaged_until_all_fit(tmp_path: Path) -> None:
