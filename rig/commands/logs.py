@@ -23,6 +23,7 @@ from rig.log.measurements import MEASUREMENTS, measurements_in
 from rig.log.recover import recover
 from rig.log.run import ENDINGS, Run
 from rig.log.show import Summary, describe
+from rig.log.timeline import GAPS
 from rig.terminal import counted, emit, tell
 
 DEVICES = "devices"
@@ -79,9 +80,10 @@ def _warn(source: str, runs: list[Run]) -> None:
     for note in whole:
         if note.startswith(AT_IMPORT) or note not in imported:
             tell(f"{source}: {note.removeprefix(AT_IMPORT)}")
+    gaps_throughout = len(runs) > 1 and all(run.gaps for run in runs)
     for run in runs:
         for note in run.warnings:
-            if note not in whole:
+            if note not in whole and not (gaps_throughout and GAPS in note):
                 tell(f"{run.name}: {note}")
 
 

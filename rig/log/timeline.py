@@ -25,6 +25,9 @@ LEAST_SHARE = 0.01
 GAP_PERIODS = 5
 """A gap is where more than this many nominal periods are missing."""
 
+GAPS = f"of more than {GAP_PERIODS} nominal periods"
+"""What the note on the gaps of a run holds."""
+
 
 def make_run(
     file: Path,
@@ -70,7 +73,7 @@ def make_run(
     gaps = find_gaps(relative)
     if gaps:
         found = counted(len(gaps), "gap")
-        notes.append(f"{found} of more than {GAP_PERIODS} nominal periods, the first after {gaps[0]:.6g} s")
+        notes.append(f"{found} {GAPS}, the first after {gaps[0]:.6g} s")
     return Run(
         name=file.stem,
         file=file,

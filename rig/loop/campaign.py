@@ -10,13 +10,16 @@ from fnmatch import fnmatch
 
 import numpy as np
 
-from drivers.errors import DataError
+from drivers.errors import ConfigError, DataError, Mistake
 from rig.log.run import Run
 from rig.loop.files.model_file import Model
 from sim_backend.model.compliance import Compliance
 
 FEWEST_RUNS = 2
 """Runs of a campaign at least: one to fit, one to hold out."""
+
+MOST_LISTED = 8
+"""Names of runs in a message."""
 
 HELD_OUT_SHARE = 0.25
 """Share of each procedure's groups that is held out when nothing is said; at least one where there are two."""
@@ -53,7 +56,7 @@ class Campaign:
 
 
 def split_runs(runs: Sequence[Run], options: LoopOptions) -> Campaign:
-    """Divide the runs. Raises DataError where nothing is left to fit or to hold out."""
+    """Divide the runs. Raises DataError where nothing can be held out, ConfigError on patterns that leave one side."""
     names = [run.name for run in runs]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -75,7 +78,7 @@ def split_runs(runs: Sequence[Run], options: LoopOptions) -> Campaign:
     if not options.held_out and not held_out:
         groups = sorted({run.replicate for run in runs if run.replicate is not None})
         raise DataError(
-            ", ".join(names[:8]),
+            _listed(names),
             f"{len(runs)} runs, but no procedure has two that are no replicates of each other"
             + (f" (replicates of {', '.join(groups)})" if groups else "")
             + ": nothing can be held out",
@@ -83,34 +86,37 @@ def split_runs(runs: Sequence[Run], options: LoopOptions) -> Campaign:
             expected="a procedure with two runs under different conditions",
             hint="Record a further run at another start angle or rate, or name the run to hold out with --held-out.",
         )
-    for side, word in ((train, "to fit"), (held_out, "to hold out")):
-        if not side:
-            raise DataError(
-                ", ".join(options.held_out) or "campaign",
-                f"no run is left {word}",
-                value=len(runs),
-                expected="runs on both sides",
-                hint="Give --held-out patterns that match some of the runs, but not all: " + ", ".join(names[:8]),
-            )
     blocks = sum(run.metadata.get("split", "") != "" for run in runs)
     if blocks:
         warnings.append(
             f"Weak hold-out: {blocks} runs are parts of one recording; drift, load and direction are not tested by it."
         )
+    if len(train) == 1:
+        warnings.append(
+            f"Weak fit: only one run is fitted: {train[0].name}. What it alone shows cannot be told from what every run "
+            "shows: record further runs, at other angles and rates."
+        )
     return Campaign(tuple(train), tuple(held_out), tuple(warnings))
 
 
 def _by_pattern(runs: Sequence[Run], patterns: Sequence[str], warnings: list[str]) -> tuple[list[Run], list[Run]]:
-    def chosen(run: Run) -> bool:
-        return any(fnmatch(run.file.name, p) or fnmatch(run.file.stem, p) or fnmatch(run.name, p) for p in patterns)
+    def matches(run: Run, pattern: str) -> bool:
+        return any(fnmatch(name, pattern) for name in (run.file.name, run.file.stem, run.name))
 
-    held_out = [run for run in runs if chosen(run)]
-    groups = {run.replicate for run in held_out} - {None}
-    moved = [run for run in runs if run.replicate in groups and not chosen(run)]
+    idle = [pattern for pattern in patterns if not any(matches(run, pattern) for run in runs)]
+    if idle:
+        rule = f"matches none of the {len(runs)} runs: {_listed([run.name for run in runs])}"
+        raise ConfigError("--held-out", [Mistake("pattern", pattern, rule) for pattern in idle])
+    chosen = {run.name for run in runs if any(matches(run, pattern) for pattern in patterns)}
+    groups = {run.replicate for run in runs if run.name in chosen} - {None}
+    moved = [run for run in runs if run.replicate in groups and run.name not in chosen]
     if moved:
         names = ", ".join(run.name for run in moved)
         warnings.append(f"Replicates stay on one side: held out as well: {names}.")
-    out = {run.name for run in (*held_out, *moved)}
+    out = chosen | {run.name for run in moved}
+    if len(out) == len(runs):
+        rule = "no run is left to fit; replicates of a run go with it: " + _listed([run.name for run in runs])
+        raise ConfigError("--held-out", [Mistake("pattern", " ".join(patterns), rule)])
     return [run for run in runs if run.name not in out], [run for run in runs if run.name in out]
 
 
@@ -132,3 +138,8 @@ def _drawn(runs: Sequence[Run], seed: int, warnings: list[str]) -> tuple[list[Ru
         out |= {run.name for name in order[:count] for run in groups[name]}
     warnings.append(f"Held out (drawn with seed {seed}): {', '.join(sorted(out)) or 'none'}.")
     return [run for run in runs if run.name not in out], [run for run in runs if run.name in out]
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
+    return ", ".join(names[:MOST_LISTED]) + more

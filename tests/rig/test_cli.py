@@ -563,6 +563,17 @@ def test_what_holds_for_one_run_of_a_recording_is_told_of_it(tmp_path):
     assert "x-02: 1 gap" not in answer.stderr
 
 
+def test_gaps_all_over_a_recording_are_told_of_the_recording_alone(tmp_path):
+    times = [float(time) for time in range(60) if time % 15 < 5]
+    table = broken(tmp_path, "x.csv", b"t,tau\n" + "".join(f"{time},{time}\n" for time in times).encode())
+    rules = (
+        b'[signals.time]\ncolumn = "t"\n[signals.motor_torque]\ncolumn = "tau"\n[run.split]\nby = "time"\nblocks = 2\n'
+    )
+    answer = rig("import", table, "--map", broken(tmp_path, "m.toml", rules), "-o", tmp_path / "out")
+    assert "x.csv: 3 gaps" in answer.stderr
+    assert "x-0" not in answer.stderr.replace("x-01.mcap", "").replace("x-02.mcap", "")
+
+
 def test_a_recovered_log_is_never_written_over_another(campaign, tmp_path):
     (run,) = load_runs([campaign])
     taken = broken(tmp_path, "taken.mcap", b"something")

@@ -227,12 +227,14 @@ def _from_replicates(found: Sequence[tuple[Residual, Residual]], wanted: Sequenc
         spread = max(spread, 1.96 * float(between.std(ddof=1)) / math.sqrt(between.size))
     # counts beat with the sampling, so that the fast part of an angle says nothing about its size
     scale = 1.0 if wanted[0].piece.demeaned else min(max(_noisier(wanted, replicates), 0.5), 2.0)
-    rms = scale * math.sqrt(mean_square)
+    seen = math.sqrt(mean_square)
     least = max(LEAST_SPREAD, ONE_PAIR_SPREAD / math.sqrt(between.size))
-    relative = max(least, abs(scale - 1.0), 0.5 * spread / mean_square if mean_square > 0 else 0.0)
+    relative = max(least, 0.5 * spread / mean_square if mean_square > 0 else 0.0)
     # the runs in question are a sample as well: by chance they may hold less noise than the replicates
     relative = math.hypot(relative, _own_spread(wanted))
-    return Floor(rms, rms * max(1.0 - relative, 0.0), rms * (1.0 + relative), True)
+    # that their noise is another is an estimate too, as unsure as it is far from one: the replicates' own counts as well
+    low, high = min(scale**2, 1.0) * max(1.0 - relative, 0.0), max(scale**2, 1.0) * (1.0 + relative)
+    return Floor(scale * seen, low * seen, high * seen, True)
 
 
 def _noisier(wanted: Sequence[Residual], replicates: Sequence[Residual]) -> float:

@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from drivers.errors import DataError
-from rig.loop.campaign import LoopOptions
+from drivers.errors import ConfigError, DataError
+from rig.loop.campaign import LoopOptions, split_runs
 from rig.loop.result import LoopResult, Verdict
 from rig.loop.trace import trace
 from tests.independent.campaign import Campaign, Plan
@@ -120,8 +120,22 @@ def test_one_run_cannot_be_traced() -> None:
 
 
 def test_holding_out_everything_leaves_nothing_to_fit() -> None:
-    with pytest.raises(DataError, match="no run is left to fit"):
+    with pytest.raises(ConfigError, match="no run is left to fit"):
         trace([turning_run("a", 1), turning_run("b", 2)], dut(), LoopOptions(held_out=("*",)))
+
+
+def test_every_pattern_of_runs_to_hold_out_that_matches_none_is_told_with_the_runs_there_are() -> None:
+    runs = [turning_run(f"run{k}", k) for k in range(10)]
+    with pytest.raises(ConfigError, match=r"'b\*'.*matches none of the 10 runs: .*run7 and 2 more.*'c'") as caught:
+        split_runs(runs, LoopOptions(held_out=("b*", "run1", "c")))
+    assert [mistake.value for mistake in caught.value.mistakes] == ["b*", "c"]
+    assert caught.value.exit_code == 2
+
+
+def test_a_fit_of_one_run_is_told_for_what_it_is() -> None:
+    runs = [turning_run("a", 1), turning_run("b", 2), turning_run("c", 3)]
+    assert any("one run is fitted: a." in word for word in split_runs(runs, LoopOptions(("b", "c"))).warnings)
+    assert not any("one run is fitted" in word for word in split_runs(runs, LoopOptions(("c",))).warnings)
 
 
 @pytest.mark.parametrize(
