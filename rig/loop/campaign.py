@@ -93,8 +93,8 @@ def split_runs(runs: Sequence[Run], options: LoopOptions) -> Campaign:
         )
     if len(train) == 1:
         warnings.append(
-            f"Weak fit: only one run is fitted: {train[0].name}. What it alone shows cannot be told from what every run "
-            "shows: record further runs, at other angles and rates."
+            f"Weak fit: only one run is fitted: {train[0].name}. What it alone shows cannot be told from what every "
+            "run shows: record further runs, at other angles and rates."
         )
     return Campaign(tuple(train), tuple(held_out), tuple(warnings))
 

@@ -59,7 +59,7 @@ def left_out(A: Floats, information: Floats, scores: Floats) -> Floats:
 
 
 def _independent(state: Fit) -> tuple[Floats, Floats]:
-    """Give scores (b, p) and information (b, p, p), summed over what is independent: blocks of time, of a play its legs.
+    """Give scores (b, p) and information (b, p, p), summed over what is independent: blocks, of a play its legs.
 
     By what noise moved the input of a play at a reversal, the whole leg behind it is wrong.
     """

@@ -232,7 +232,7 @@ def _from_replicates(found: Sequence[tuple[Residual, Residual]], wanted: Sequenc
     relative = max(least, 0.5 * spread / mean_square if mean_square > 0 else 0.0)
     # the runs in question are a sample as well: by chance they may hold less noise than the replicates
     relative = math.hypot(relative, _own_spread(wanted))
-    # that their noise is another is an estimate too, as unsure as it is far from one: the replicates' own counts as well
+    # that their noise is another is an estimate too, as unsure as it is far from one
     low, high = min(scale**2, 1.0) * max(1.0 - relative, 0.0), max(scale**2, 1.0) * (1.0 + relative)
     return Floor(scale * seen, low * seen, high * seen, True)
 
