@@ -109,9 +109,17 @@ def _base(base: ModelBase) -> list[str]:
     groups = {f"flexspline {base.law}": LAWS[base.law].parameters, **BASE_PARTS}
     lines = []
     for part, names in groups.items():
-        values = [_shown(name, base.parameters[name]) for name in names if name in base.parameters]
+        values = [_with_doubt(name, base.parameters[name]) for name in names if name in base.parameters]
         lines += [f"= {part}: {', '.join(values)}"] if values else []
     return lines
+
+
+def _with_doubt(name: str, estimate: ModelEstimate) -> str:
+    """Give a base parameter, and whether these runs tell anything of it."""
+    shown = _shown(name, estimate)
+    if estimate.ci95 is None:
+        return f"{shown} (no interval)"
+    return f"{shown} (not told from 0)" if estimate.ci95[0] <= 0.0 <= estimate.ci95[1] else shown
 
 
 def _parameters(step: Step) -> list[str]:

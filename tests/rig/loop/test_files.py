@@ -159,6 +159,23 @@ def test_the_table_gives_every_fitted_base_parameter_with_its_interval() -> None
     assert shown == set(result().model.base.parameters)
 
 
+def test_the_table_says_of_which_base_parameters_the_runs_tell_nothing() -> None:
+    found = result()
+    known = found.model.base.parameters
+    parameters = {
+        **known,
+        "T_c": known["T_c"].model_copy(update={"ci95": None}),
+        "b": known["b"].model_copy(update={"ci95": (-0.001, 0.002)}),
+    }
+    model = found.model.model_copy(update={"base": found.model.base.model_copy(update={"parameters": parameters})})
+    (friction,) = (x for x in text_of(replace(found, model=model)).splitlines() if x.startswith("= friction: "))
+    assert re.search(r"T_c \S+ N\*m \(no interval\), b \S+ \+- 0\.0015 N\*m\*s \(not told from 0\)", friction)
+    told = {name for name, x in known.items() if x.ci95 is not None and not x.ci95[0] <= 0.0 <= x.ci95[1]}
+    unsure = " ".join(re.findall(r"(\w+) \S+ \+- \S+ \S+ \(not", text_of(found)))
+    assert told
+    assert not told & set(unsure.split())
+
+
 def test_every_base_parameter_has_its_line_and_its_row_in_the_glossary() -> None:
     glossary = Path("docs/glossary.md").read_text()
     for law in Compliance:
