@@ -247,10 +247,9 @@ def unnamed(
     """
     decisions, newest = list(decisions), None
     for term in current.model.shapes:
-        better = _better_curve(pieces, current, term, known, alpha)
-        if better is not None and all(better.term.kind != other.kind for other in decisions):
-            shapes = tuple(better.term if x.kind == term.kind else x for x in current.model.shapes)
-            current = refit(pieces, current, replace(current.model, shapes=shapes))
+        instead = _better_curve(pieces, current, term, known, alpha)
+        if instead is not None and all(instead[0].term.kind != other.kind for other in decisions):
+            better, current = instead
             place = next(k for k, decision in enumerate(decisions) if decision.kind == term.kind)
             decisions[place] = _of_curve(better, min(1.0, better.trial.single_p * better.tests), [better])
             newest = better.term.kind
@@ -354,10 +353,11 @@ def _better_curve(
     term: ShapeTerm,
     known: Mapping[str, float],
     alpha: float,
-) -> ShapeTrial | None:
-    """Give the curve that explains more than an effect which was added, None if the effect holds with 95 %.
+) -> tuple[ShapeTrial, Fit] | None:
+    """Give the curve that explains more than an effect which was added, and the fit with it in the effect's place.
 
-    Both are compared without the effect, everything else there, and by joint fits.
+    None if the effect holds with 95 %. Both are compared without the effect, everything else there, by joint fits to
+    few samples, and at last by what they foretell of runs that are left out: part of it the base may have taken up.
     """
     without = prepare(_without(pieces.few, current, term))
     own = try_columns(without, term.effect.id, shape_of(term))
@@ -374,9 +374,15 @@ def _better_curve(
     gains = {item.term is term: item.trial.gain for item in ranked}
     if gains[False] * BEST_SHARE <= gains[True]:
         return None
-    best, whole = trials[0], prepare(_without(pieces.all, current, term))
-    again = try_columns(whole, best.term.effect.id, shape_of(best.term), ridge=RIDGE)
-    return None if objection(again.share, LEAST_CURVE_SHARE, room=True) else best
+    best, bare = trials[0], _without(pieces.all, current, term)
+    again = try_columns(prepare(bare), best.term.effect.id, shape_of(best.term), ridge=RIDGE)
+    if objection(again.share, LEAST_CURVE_SHARE, room=True):
+        return None
+    shapes = tuple(best.term if x is term else x for x in current.model.shapes)
+    joint = refit(pieces, current, replace(current.model, shapes=shapes))
+    most = _left_out(bare)
+    foretold = most - _left_out(with_noise(joint, current.noise))
+    return (best, joint) if foretold * BEST_SHARE > most - _left_out(current) else None
 
 
 def _still_needed(few: Held[Piece], current: Fit, term: ShapeTerm, alpha: float) -> bool:

@@ -9,7 +9,7 @@ import pytest
 from rig.loop.campaign import LoopOptions
 from rig.loop.result import LoopResult, Verdict
 from rig.loop.trace import trace
-from tests.challenge.cases import LEAN, campaign_of, make_case
+from tests.challenge.cases import LEAN, campaign_of, make_case, scaled
 from tests.challenge.outside import acting
 from tests.challenge.sizes import as_runs
 from tests.independent.campaign import STANDARD, Campaign, Plan, held_out
@@ -51,6 +51,14 @@ def test_a_transducer_that_drifts_is_named_under_coloured_noise_though_a_free_ru
         assert interval is not None
         half_width = 0.5 * (interval[1] - interval[0])
         assert abs(result.steps[0].parameters[name].value - value) < 2.0 * half_width
+
+
+def test_a_torque_constant_off_by_less_than_a_thousandth_is_no_play_of_the_load() -> None:
+    # few samples, linearised, see more in the play; refitted to all, it foretells less
+    case = make_case("third", 4182)
+    recordings = campaign_of(case, scaled(case.hidden[0], 8.9e-3)).recordings()
+    result = trace(as_runs(recordings), dut(), LoopOptions(held_out=held_out(recordings)))
+    assert result.effects == ("ambiguous:torque-constant-error|torque-sensor-gain",)
 
 
 def test_torques_that_disagree_by_a_fifth_of_a_per_cent_come_out_as_the_set_of_what_may_be_wrong() -> None:
