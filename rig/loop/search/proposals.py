@@ -56,7 +56,7 @@ def propose(ground: Ground, known: Mapping[str, float]) -> tuple[list[Proposal],
     Either sort of order has half of the false alarms: a class without a free order need not pay for the search.
     """
     found: list[Proposal] = []
-    tests = 0.0
+    tests, fixed_tests = 0.0, 0
     known_pieces = ground.fit.about
     ratio = ground.fit.model.ratio
     effects = periodic_effects()
@@ -85,9 +85,11 @@ def propose(ground: Ground, known: Mapping[str, float]) -> tuple[list[Proposal],
                 if not moves:
                     # in a sweep the angle follows the torque: a line that does not act back is any compliance
                     classes = [proposal for proposal in classes if not is_nameless_angle(proposal.kind)]
-                if equation is Equation.TORSION and variable == "motor_position" and ratio is not None:
-                    classes += _subdivisions(peak.order * ratio, spectrum.resolution * ratio, counts, effects)
                 found += [replace(proposal, height=peak.height) for proposal in classes]
+            if equation is Equation.TORSION and variable == "motor_position" and ratio is not None:
+                subdivisions, tried = _subdivisions(spectrum, ratio, counts, effects)
+                found += subdivisions
+                fixed_tests += tried
         # a sweep is the same function of the time in every run: there nothing tells the time from what is swept
         hum = None if one_speed(ground.fit, kind) else scan(ground.fit, kind, "time", turning_only=True)
         if hum is not None:
@@ -96,8 +98,8 @@ def propose(ground: Ground, known: Mapping[str, float]) -> tuple[list[Proposal],
             over_time = TermClass(None, _BALANCE.get(equation, Entry.MOTOR), "time")
             found += [Proposal(over_time, p.order, hum.resolution, p.height) for p in tops(hum) if p.order > slowest]
     fixed = [Proposal(effect, effect.fixed_order, 0.0) for effect in effects if effect.fixed_order is not None]
-    expected = sum(proposal.expected for proposal in found)
-    return found + fixed, 2.0 * max(tests, 1.0), 2.0 * max(len(fixed) + expected, 1)
+    fixed_tests += len(fixed) + sum(proposal.expected and proposal.kind.effect != SUBDIVISION for proposal in found)
+    return found + fixed, 2.0 * max(tests, 1.0), 2.0 * max(fixed_tests, 1)
 
 
 def _up_to(spectrum: Spectrum, highest: float) -> Spectrum:
@@ -198,16 +200,24 @@ def _classes(
 
 
 def _subdivisions(
-    order: float, resolution: float, counts: float | None, effects: Sequence[TermClass]
-) -> list[Proposal]:
-    """Give the output encoder's subdivision error, if its counts a turn are a multiple of the order (per output turn).
+    spectrum: Spectrum, ratio: float, counts: float | None, effects: Sequence[TermClass]
+) -> tuple[list[Proposal], int]:
+    """Give the output encoder's subdivision error at those orders that show most, and among how many they were chosen.
 
-    A line count divides the counts; any other order has another cause.
+    A line count divides the counts a turn, so that few orders come into question, which need not stand out among all;
+    `spectrum`: over the motor's angle.
     """
-    whole = max(round(order), 1)
-    if counts is None or whole < LEAST_LINES or abs(order - whole) > resolution or round(counts) % whole:
-        return []
-    return [Proposal(kind, float(whole), resolution) for kind in effects if kind.effect == SUBDIVISION]
+    whole = round(counts or 0.0)
+    seen = range(LEAST_LINES, int(spectrum.orders[-1] * ratio) + 1) if spectrum.orders.size else ()
+    orders = np.array([order for order in seen if whole and whole % order == 0], dtype=float)
+    kinds = [kind for kind in effects if kind.effect == SUBDIVISION]
+    if not orders.size:
+        return [], 0
+    near = spectrum.orders.searchsorted(orders[:, None] / ratio + 0.5 * spectrum.resolution * np.array([-1.0, 1.0]))
+    power = np.array([spectrum.power[low : high + 1].max(initial=0.0) for low, high in near])
+    best = orders[np.argsort(power)[::-1][:PEAKS_BY_POWER]].tolist()
+    width = spectrum.resolution * ratio
+    return [Proposal(kind, order, width, expected=True) for kind in kinds for order in best], orders.size
 
 
 def is_nameless_angle(kind: TermClass) -> bool:

@@ -35,6 +35,9 @@ all runs."""
 ALL_NOISE = 1.1
 """Times the fast part of a residual up to which that of what was measured is noise, too."""
 
+NONE_MISSING = 0.9
+"""Share of the replicates' fast noise from which on none is missing."""
+
 COMPUTED_SPREAD = 0.25
 """Relative half width of a computed floor: quantisation is not quite uniform, a dwell is not quite a sweep."""
 
@@ -234,6 +237,10 @@ def _from_replicates(found: Sequence[tuple[Residual, Residual]], wanted: Sequenc
     relative = math.hypot(relative, _own_spread(wanted))
     # that their noise is another is an estimate too, as unsure as it is far from one
     low, high = min(scale**2, 1.0) * max(1.0 - relative, 0.0), max(scale**2, 1.0) * (1.0 + relative)
+    if not wanted[0].piece.demeaned and _fast(wanted) >= NONE_MISSING * _fast(replicates):
+        # a leak takes fast noise as well; where all of it is there, a smaller slow part is the chance of a few swings
+        own = _rms(np.concatenate([r.values for r in wanted]))
+        low = min(low, own * (1.0 - _own_spread(wanted)) / seen) if seen > 0.0 else low
     return Floor(scale * seen, low * seen, high * seen, True)
 
 
@@ -243,16 +250,18 @@ def _noisier(wanted: Sequence[Residual], replicates: Sequence[Residual]) -> floa
     Where what was measured has no other fast part than noise it is asked, because a leak takes the noise from a
     residual and must not lower its own floor.
     """
-
-    def rms(values: Iterable[float]) -> float:
-        return math.sqrt(float(np.mean(np.square(list(values)))))
-
-    left, measured = rms(r.fast for r in replicates), rms(r.fast_of_target for r in replicates)
+    left, measured = _fast(replicates), _fast_of_target(replicates)
     if left == 0.0:
         return 1.0
-    if 0.0 < measured < ALL_NOISE * left:
-        return rms(r.fast_of_target for r in wanted) / measured
-    return rms(r.fast for r in wanted) / left
+    return _fast_of_target(wanted) / measured if 0.0 < measured < ALL_NOISE * left else _fast(wanted) / left
+
+
+def _fast(residuals: Sequence[Residual]) -> float:
+    return _rms(np.array([residual.fast for residual in residuals]))
+
+
+def _fast_of_target(residuals: Sequence[Residual]) -> float:
+    return _rms(np.array([residual.fast_of_target for residual in residuals]))
 
 
 def _own_spread(wanted: Sequence[Residual]) -> float:

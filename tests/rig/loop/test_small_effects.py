@@ -61,6 +61,16 @@ def test_a_torque_constant_off_by_less_than_a_thousandth_is_no_play_of_the_load(
     assert result.effects == ("ambiguous:torque-constant-error|torque-sensor-gain",)
 
 
+def test_a_subdivision_error_far_below_a_count_is_found_at_an_order_that_divides_the_counts() -> None:
+    # 1.7 urad of an encoder that counts in 12 urad: other lines of the counts stand out more
+    case = make_case("third", 4050)
+    recordings = campaign_of(case, scaled(case.hidden[0], 0.0194)).recordings()
+    (step,) = trace(as_runs(recordings), dut(), LoopOptions(held_out=held_out(recordings))).steps
+    assert step.effect == "encoder-subdivision-error"
+    assert step.parameters["order"].value == pytest.approx(2048.0, abs=0.01)
+    assert step.parameters["amplitude"].value == pytest.approx(0.0194 * 9.0105e-5, rel=0.1)
+
+
 def test_torques_that_disagree_by_a_fifth_of_a_per_cent_come_out_as_the_set_of_what_may_be_wrong() -> None:
     result = traced(Effects(others=(term("torque-sensor-gain", amplitude=2.1e-3),)), STANDARD, 43)
     assert result.effects == ("ambiguous:torque-constant-error|torque-sensor-gain",)
@@ -101,3 +111,11 @@ def test_a_noise_that_remembers_and_is_carried_on_by_friction_is_no_structure_ab
     result = trace(as_runs(recordings), dut(), LoopOptions(held_out=held_out(recordings)))
     assert result.verdict is Verdict.NONE
     assert result.open == ()
+
+
+def test_a_held_out_sweep_whose_slow_noise_is_small_by_chance_is_no_leak() -> None:
+    case = make_case("none", 4301)
+    assert case.noise is NoiseKind.AR1
+    recordings = campaign_of(case, Effects()).recordings()
+    result = trace(as_runs(recordings), dut(), LoopOptions(held_out=held_out(recordings)))
+    assert result.verdict is Verdict.NONE
