@@ -86,7 +86,7 @@ def propose(ground: Ground, known: Mapping[str, float]) -> tuple[list[Proposal],
                     # in a sweep the angle follows the torque: a line that does not act back is any compliance
                     classes = [proposal for proposal in classes if not is_nameless_angle(proposal.kind)]
                 found += [replace(proposal, height=peak.height) for proposal in classes]
-            if equation is Equation.TORSION and variable == "motor_position" and ratio is not None:
+            if equation is Equation.TORSION and variable == "motor_position" and ratio is not None and moves:
                 subdivisions, tried = _subdivisions(spectrum, ratio, counts, effects)
                 found += subdivisions
                 fixed_tests += tried
@@ -208,8 +208,8 @@ def _subdivisions(
     `spectrum`: over the motor's angle.
     """
     whole = round(counts or 0.0)
-    seen = range(LEAST_LINES, int(spectrum.orders[-1] * ratio) + 1) if spectrum.orders.size else ()
-    orders = np.array([order for order in seen if whole and whole % order == 0], dtype=float)
+    seen = np.arange(LEAST_LINES, float(spectrum.orders.max(initial=0.0)) * ratio)
+    orders = seen[whole % seen == 0] if whole else seen[:0]
     kinds = [kind for kind in effects if kind.effect == SUBDIVISION]
     if not orders.size:
         return [], 0

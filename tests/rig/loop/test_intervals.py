@@ -25,11 +25,12 @@ def test_what_is_left_out_is_told_by_the_others_and_a_block_that_tells_alone_kee
         np.linalg.lstsq(np.vstack(blocks[:k] + blocks[k + 1 :]), np.concatenate(said[:k] + said[k + 1 :]))[0]
         for k in range(40)
     ]
-    moved = left_out(information.sum(axis=0), information, scores)
+    total = information.sum(axis=0)
+    moved = left_out(total, information, scores, np.linalg.inv(total))
     assert moved == pytest.approx(np.sqrt(39 / 40) * (estimate - without), rel=0.05, abs=0.002)
-    alone = left_out(np.eye(1), np.eye(1)[None], np.ones((1, 1)))
+    alone = left_out(np.eye(1), np.eye(1)[None], np.ones((1, 1)), np.eye(1))
     assert alone == pytest.approx(0.0)  # nobody else to ask
-    two = left_out(np.eye(2), np.array([np.diag([1.0, 0.0]), np.diag([0.0, 1.0])]), np.eye(2))
+    two = left_out(np.eye(2), np.array([np.diag([1.0, 0.0]), np.diag([0.0, 1.0])]), np.eye(2), np.eye(2))
     assert two == pytest.approx(np.sqrt(0.5) / (1.0 - HELD_ALONE) * np.eye(2))
 
 
@@ -43,7 +44,9 @@ def test_a_mean_over_few_unequal_blocks_is_covered_as_often_as_told(blocks: int,
         sums = np.sqrt(size) * rng.standard_normal(blocks)
         mean = sums.sum() / size.sum()
         scores = sums - size * mean
-        moved = left_out(np.array([[size.sum()]]), size[:, None, None], scores[:, None])
+        moved = left_out(
+            np.full((1, 1), size.sum()), size[:, None, None], scores[:, None], np.full((1, 1), 1 / size.sum())
+        )
         told += abs(mean) <= 1.96 * np.sqrt(np.sum(moved**2)) * of_few(size[:, None])[0]
         plain += abs(mean) <= 1.96 * np.sqrt(np.sum(scores**2)) / size.sum()
     assert 0.935 < told / draws < 0.98
