@@ -70,7 +70,9 @@ def propose(ground: Ground, known: Mapping[str, float]) -> tuple[list[Proposal],
             if swept is not None:
                 modulations = _up_to(swept, MOST_MODULATIONS)
                 tests += modulations.tests
-                found += _modulations(tops(modulations), swept.resolution, effects)
+                products = _modulations(tops(modulations), swept.resolution, effects)
+                found += products
+                fixed_tests += sum(proposal.expected for proposal in products)
         for times in (Times.NOTHING, Times.DIRECTION) if equation is not Equation.TORSION else (Times.NOTHING,):
             spectrum = scan(ground.fit, kind, variable, times=times)
             if spectrum is None:
@@ -98,8 +100,7 @@ def propose(ground: Ground, known: Mapping[str, float]) -> tuple[list[Proposal],
             over_time = TermClass(None, _BALANCE.get(equation, Entry.MOTOR), "time")
             found += [Proposal(over_time, p.order, hum.resolution, p.height) for p in tops(hum) if p.order > slowest]
     fixed = [Proposal(effect, effect.fixed_order, 0.0) for effect in effects if effect.fixed_order is not None]
-    fixed_tests += len(fixed) + sum(proposal.expected and proposal.kind.effect != SUBDIVISION for proposal in found)
-    return found + fixed, 2.0 * max(tests, 1.0), 2.0 * max(fixed_tests, 1)
+    return found + fixed, 2.0 * max(tests, 1.0), 2.0 * max(len(fixed) + fixed_tests, 1)
 
 
 def _up_to(spectrum: Spectrum, highest: float) -> Spectrum:
@@ -204,8 +205,9 @@ def _subdivisions(
 ) -> tuple[list[Proposal], int]:
     """Give the output encoder's subdivision error at those orders that show most, and among how many they were chosen.
 
-    A line count divides the counts a turn, so that few orders come into question, which need not stand out among all;
-    `spectrum`: over the motor's angle.
+    A line count divides the counts a turn, so that few orders come into question, which need not stand out among all.
+    `spectrum`: over the motor's angle (orders 1/rev of the motor); `ratio` of the gear; `counts` of the output encoder
+    a turn. The orders that are given are 1/rev of the output.
     """
     whole = round(counts or 0.0)
     seen = np.arange(LEAST_LINES, float(spectrum.orders.max(initial=0.0)) * ratio)

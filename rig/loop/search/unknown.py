@@ -246,11 +246,12 @@ def unnamed(
     samples, each a mean, hold less noise, of which any shape has a larger share.
     """
     decisions, newest = list(decisions), None
-    for term in current.model.shapes:
+    for kind in [x.kind for x in current.model.shapes]:
+        term = next(x for x in current.model.shapes if x.kind == kind)
         instead = _better_curve(pieces, current, term, known, alpha)
         if instead is not None and all(instead[0].term.kind != other.kind for other in decisions):
             better, current = instead
-            place = next(k for k, decision in enumerate(decisions) if decision.kind == term.kind)
+            place = next(k for k, decision in enumerate(decisions) if decision.kind == kind)
             decisions[place] = _of_curve(better, min(1.0, better.trial.single_p * better.tests), [better])
             newest = better.term.kind
     while len({decision.kind for decision in decisions}) <= MOST_CLASSES:
