@@ -55,6 +55,9 @@ SAME_SPEED = 1.05
 KNOWN_SPEED = 1.5
 """Times the fastest fitted leg up to which a torque line is predicted."""
 
+A_RUN = 5_000.0
+"""Samples that make as much work as whatever is done for a run however short it is."""
+
 LOOKED_AT_ONCE = 0.1
 """Work of a run that is held out, as a share of that of one that is fitted."""
 
@@ -90,14 +93,14 @@ def trace(
 
 
 def _work(run: Run, fitted: Set[str]) -> float:
-    """Give how many samples of a run are worked on again and again: of a sweep those that are left of its means.
+    """Give the work that a run makes, in samples: of a sweep those that are left of its means, and what any run takes.
 
     A run that is held out is looked at once.
     """
     samples = float(run.time.size)
     if run.procedure is not ProcedureName.FREE_RUN and run.time.size:
         samples = min(samples, float(np.ptp(run.time)) / SMOOTHING)
-    return samples if run.name in fitted else LOOKED_AT_ONCE * samples
+    return A_RUN + samples if run.name in fitted else LOOKED_AT_ONCE * samples
 
 
 def _traced(

@@ -20,7 +20,7 @@ from rig.loop.model.shapes import ShapeClass
 from rig.loop.model.terms import Entry, Line, TermClass, periodic_effects
 from rig.loop.search.compliance_form import FORM_ERROR, form_columns
 from rig.loop.search.shape_trials import scales_of, shape_trials
-from rig.loop.search.trial import Ground, gains, line_at, prepare, try_line
+from rig.loop.search.trial import Ground, line_gains, prepare, try_line
 from rig.loop.workers.held import Held, Here
 from sim_backend.errors import ModelError
 
@@ -207,7 +207,7 @@ def _lines(ground: Ground, kind: TermClass, orders: Sequence[float]) -> list[Lin
 def _best_order(ground: Ground, kind: TermClass) -> float:
     low, high = kind.orders
     orders = [order for order in NEW_ORDERS if low <= order <= high]
-    found = gains(ground, [line_at(kind, order) for order in orders])
+    found = line_gains(ground, [(kind, order) for order in orders])
     return max(zip(found, orders, strict=True), default=(0.0, low))[1]
 
 

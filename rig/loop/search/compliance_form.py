@@ -6,9 +6,7 @@ odd in the torque, and nothing else can be told of it.
 
 from functools import partial
 
-import numpy as np
-
-from rig.loop.fitting.normal import LinearPiece
+from rig.loop.fitting.normal import LinearPiece, side_by_side
 from rig.loop.model.equations import Equation
 from rig.loop.search.trial import Floats, Ground, Trial, try_columns
 
@@ -26,4 +24,4 @@ def form_columns(item: LinearPiece, largest: float) -> Floats | None:
     if item.piece.equation is not Equation.TORSION or track.T is None or track.moves or largest <= 0.0:
         return None
     relative = track.T[item.piece.index] / largest
-    return item.centred(np.column_stack([relative**3, relative**5]))
+    return item.centred(side_by_side([relative**3, relative**5]))

@@ -12,7 +12,7 @@ from rig.loop.search.decision import Unadded
 from rig.loop.search.groups import SET_SHARE
 from rig.loop.search.lines import LEAST_CYCLES, USUAL_HIGHEST_ORDER, refine
 from rig.loop.search.proposals import Proposal, propose
-from rig.loop.search.trial import ColumnsOf, Ground, Trial, gains, line_at, try_line
+from rig.loop.search.trial import ColumnsOf, Ground, Trial, line_at, line_gains, try_line
 
 STANDS_OUT = 30.0
 """Power over the median of the neighbourhood of a line that is looked at however little it explains."""
@@ -54,7 +54,7 @@ class LineCandidate:
 def line_candidates(ground: Ground, known: Mapping[str, float]) -> list[LineCandidate]:
     """Give everything that the residual proposes, its order refined, best first."""
     proposals, free_tests, fixed_tests = propose(ground, known)
-    gained = gains(ground, [line_at(p.kind, p.order) for p in proposals])
+    gained = line_gains(ground, [(p.kind, p.order) for p in proposals])
     scored = sorted(zip(gained, proposals, strict=True), key=lambda pair: -pair[0])
     sampled = {variable: samplings(ground.fit.linear, variable) for variable in {p.kind.variable for p in proposals}}
     found: list[LineCandidate] = []
@@ -82,7 +82,7 @@ def line_candidates(ground: Ground, known: Mapping[str, float]) -> list[LineCand
 
 def gains_at(ground: Ground, kind: TermClass, orders: Sequence[float]) -> list[float]:
     """Give the gains of a line of this kind at several orders."""
-    return gains(ground, [line_at(kind, order) for order in orders])
+    return line_gains(ground, [(kind, order) for order in orders])
 
 
 def best_of_classes(lines: Sequence[LineCandidate]) -> list[LineCandidate]:

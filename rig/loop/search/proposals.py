@@ -13,7 +13,7 @@ from rig.loop.fitting.normal import Kind, LinearPiece
 from rig.loop.model.equations import Equation
 from rig.loop.model.terms import Entry, TermClass, periodic_effects
 from rig.loop.search.lines import Peak, Spectrum, Times, one_speed, peaks, scan
-from rig.loop.search.trial import Ground, gains, line_at
+from rig.loop.search.trial import Ground, line_gains
 
 LOW_ORDERS = 12.0
 """Orders up to which every one is tried where only start angles tell them apart."""
@@ -132,7 +132,7 @@ def _low_orders(ground: Ground, effects: Sequence[TermClass], resolution: float)
     if kind is None:
         return []
     orders = np.arange(resolution, LOW_ORDERS, 0.5 * resolution).tolist()
-    scored = sorted(zip(gains(ground, [line_at(kind, order) for order in orders]), orders, strict=True), reverse=True)
+    scored = sorted(zip(line_gains(ground, [(kind, order) for order in orders]), orders, strict=True), reverse=True)
     found: list[float] = []
     for _, order in scored:
         if len(found) < PEAKS_BY_POWER and all(abs(order - other) > resolution for other in found):

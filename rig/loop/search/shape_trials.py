@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.loop.fitting.normal import LinearPiece
+from rig.loop.fitting.normal import LinearPiece, side_by_side
 from rig.loop.model.curves import Curve
 from rig.loop.model.shapes import ShapeTerm, addition, catalogue_shapes, unit_columns
 from rig.loop.search.trial import ColumnsOf, Ground, Trial, gains, try_columns
@@ -142,7 +142,7 @@ def _piece_columns(item: LinearPiece, term: ShapeTerm) -> Floats | None:
         if added is None:
             return None
         columns.append(evaluation.shown(term.effect, added, item.piece.index) / size)
-    stacked = item.centred(np.column_stack(columns))
+    stacked = item.centred(side_by_side(columns))
     return stacked if np.any(stacked) else None
 
 

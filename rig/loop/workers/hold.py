@@ -12,13 +12,13 @@ from rig.loop.workers.held import Held, Here
 
 T = TypeVar("T")
 
-WORTH_A_PROCESS = 30_000
-"""Samples from which on a process of its own pays."""
+WORTH_A_PROCESS = 60_000
+"""Work, in samples, from which on a process of its own pays."""
 
 
 @contextmanager
 def hold(items: Sequence[T], work: Sequence[float], scheduler: str | None = None) -> Iterator[Held[T]]:
-    """Hold items where they are worked on, until the context ends; `work`: samples of each that count.
+    """Hold items where they are worked on, until the context ends; `work`: what each makes, in samples.
 
     `scheduler`: address of a Dask scheduler; None: this machine, with no more processes than it has cores to give.
     Raises ConfigError where the scheduler is of no use.
