@@ -28,6 +28,8 @@ def answer_of(runs: Sequence[Run], dut: Dut, held_out: tuple[str, ...]) -> str:
         result = trace(runs, dut, LoopOptions(held_out=held_out))
     except RigError as error:
         return json.dumps({"error": str(error)})
+    except Exception as error:  # a crash is no answer, and no reason to lose the other cases
+        return json.dumps({"error": f"crash, {type(error).__name__}: {error}"})
     base = {name: value.model_dump() for name, value in result.model.base.parameters.items()}
     # of this process: on a busy machine the wall clock measures the others
     return json.dumps({**result.to_json(), "base": base, "processor_s": time.process_time() - started})

@@ -1,5 +1,6 @@
 """The bars with counts, rates and intervals, and what was missed, from the lines of the cases."""
 
+import itertools
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -48,7 +49,9 @@ def bars(lines: Sequence[Line]) -> list[Bar]:
     large = [line for line in lines if _has_its_size(line)]
     found = [
         Bar("one effect of the floor's size: right, and alone", _rate(_of(large, "single"), _is_right), 0.95),
+        Bar("the same, and the headline says no more", _rate(_of(large, "single"), _says_no_more), 0.95),
         Bar("one effect of a third of the floor: right, and alone", _rate(_of(large, "third"), _is_right), 0.90),
+        Bar("the same, and the headline says no more (third)", _rate(_of(large, "third"), _says_no_more), 0.90),
         Bar("physics outside the catalogue: variable and shape", _rate(_of(large, "outside"), _describes), 0.90),
         Bar("physics outside the catalogue: held-out error not worse", _rate(_of(lines, "outside"), _not_worse), 0.98),
         Bar("two effects: both found", _rate(_of(large, "pair"), _both), 0.90),
@@ -108,8 +111,17 @@ def _describes(line: Line) -> bool:
     return line["naming"] in (RIGHT, EXTRA)
 
 
+def _says_no_more(line: Line) -> bool:
+    """Whether a right answer has no headline about something that is not there."""
+    events = line["hidden"] == ["encoder-missed-counts"]  # of these nothing more than `uncontrolled` can be said
+    return _is_right(line) and (events or line["verdict"] not in ("untraced", "uncontrolled"))
+
+
 def _both(line: Line) -> bool:
-    return len(line["found"]) == len(line["hidden"])
+    """Whether each of the two hidden effects is found by a step of its own: one set of both is one finding."""
+    one, other = line["hidden"]
+    steps = [set(effect.removeprefix("ambiguous:").split("|")) for effect in line["added"]]
+    return any(one in a and other in b for a, b in itertools.permutations(steps, 2))
 
 
 def _not_worse(line: Line) -> bool:

@@ -80,9 +80,13 @@ def text_of(run: Run) -> str:
     return repr(fields)
 
 
+FIRST_DIGITS = 7
+"""Letters of a number by which it is recognised, in whatever precision it is written."""
+
+
 def secrets_of(case: Case, effects: Effects) -> list[str]:
     values = [value for effect in effects.ids() for found in effects.of(effect) for value in found.values()]
-    numbers = [f"{value:.6g}" for value in values if value not in (1.0, 2.0, 100.0)]
+    numbers = [repr(value)[:FIRST_DIGITS] for value in values if value not in (1.0, 2.0, 100.0)]
     return [str(case.seed), *effects.ids(), *numbers, "amplitude", "effect"]
 
 
@@ -97,8 +101,12 @@ def test_runs_and_logs_hold_nothing_of_the_truth(tmp_path: Path):
     headers = [path.open().readline() for path in tmp_path.glob("*.csv")]
     text += "".join(sidecars + headers)
     assert len(sidecars) == len(headers) + 1
-    for secret in secrets_of(case, hidden):
+    secrets = secrets_of(case, hidden)
+    for secret in secrets:
         assert secret not in text, secret
+    planted = [value for effect in hidden.ids() for found in hidden.of(effect) for value in found.values()]
+    seen = text_of(dataclasses.replace(runs[0], metadata={"note": f"{planted[0]!r} {planted[0]:.6g}"}))
+    assert any(secret in seen for secret in secrets), "the search finds a number where there is one"
 
 
 def test_with_and_without_the_effect_the_logs_have_the_same_names_columns_and_lengths():

@@ -23,6 +23,7 @@ def line(family: str, naming: str, hidden: list[str] | None = None, **other: Any
         "sizes": [1.0],
         "found": ["soft-windup"] if naming == "right" else [],
         "added": ["soft-windup"] if hidden is None else [],
+        "verdict": "named",
         "parameters": [],
         "after_over_oracle": {"torsion": 1.0},
         "after_over_before": {"torsion": 0.5},
@@ -33,8 +34,7 @@ def line(family: str, naming: str, hidden: list[str] | None = None, **other: Any
 
 
 def bar(lines: list[dict[str, Any]], text: str) -> Bar:
-    (found,) = [item for item in bars(lines) if item.text.startswith(text)]
-    return found
+    return next(item for item in bars(lines) if item.text.startswith(text))
 
 
 def counted(lines: list[dict[str, Any]], text: str) -> tuple[int, int]:
@@ -69,9 +69,25 @@ def test_every_noise_kind_has_its_own_bar():
 
 def test_one_of_two_effects_is_not_both():
     two = ["soft-windup", "cogging"]
-    lines = [line("pair", "missed", hidden=two, sizes=[1.0, 1.0], found=["cogging"])]
-    lines += [line("pair", "extra", hidden=two, sizes=[1.0, 1.0], found=two)]
+    lines = [line("pair", "missed", hidden=two, sizes=[1.0, 1.0], added=["cogging"])]
+    lines += [
+        line("pair", "extra", hidden=two, sizes=[1.0, 1.0], added=["ambiguous:creep|soft-windup", "x", "cogging"])
+    ]
     assert counted(lines, "two effects") == (1, 2)
+
+
+def test_one_set_that_holds_both_effects_is_not_both():
+    two = ["soft-windup", "cogging"]
+    lines = [line("pair", "right", hidden=two, sizes=[1.0, 1.0], added=["ambiguous:cogging|soft-windup"])]
+    assert counted(lines, "two effects") == (0, 1)
+
+
+def test_a_right_answer_under_the_headline_of_another_statement_is_told_apart():
+    lines = [line("single", "right"), line("single", "right", verdict="untraced")]
+    assert counted(lines, "one effect of the floor's size") == (2, 2)
+    assert counted(lines, "the same, and the headline says no more") == (1, 2)
+    events = line("single", "right", hidden=["encoder-missed-counts"], verdict="uncontrolled")
+    assert counted([events], "the same, and the headline says no more") == (1, 1)
 
 
 def test_an_error_above_the_oracles_in_any_equation_counts():
