@@ -216,7 +216,7 @@ def loop(
     ] = None,
     held_out: Annotated[list[str] | None, typer.Option("--held-out", metavar="GLOB", help="Runs to hold out.")] = None,
     alpha: Annotated[float, typer.Option(min=1e-6, max=0.5, help="False-alarm probability.")] = 0.01,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the split and of the resampling.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the split by run.")] = 0,
     scheduler: Annotated[
         str | None,
         typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers do the work; needs the extra `cluster`."),

@@ -208,8 +208,40 @@ class Open:
 
 
 @dataclass(frozen=True, slots=True)
+class Replicates:
+    """How like noise the residuals of a procedure's replicates are.
+
+    `rho`: correlation of the smoothed residuals of a pair, `pairs` of them; `ljung_box`: statistic per lag, 1 of white
+    noise.
+    """
+
+    equation: str
+    procedure: str
+    pairs: int
+    rho: float
+    ljung_box: float
+
+
+@dataclass(frozen=True, slots=True)
+class Smallest:
+    """Amplitude from which on an effect would have been added."""
+
+    effect: str
+    amplitude: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class Silence:
+    """What the verdict `none` rests on."""
+
+    replicates: tuple[Replicates, ...]
+    smallest: tuple[Smallest, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class LoopResult:
-    """Everything the loop says about a campaign. Names of runs, not paths."""
+    """Everything the loop says about a campaign. Names of runs, not paths. `silence`: with the verdict `none` only."""
 
     train: tuple[str, ...]
     held_out: tuple[str, ...]
@@ -220,6 +252,7 @@ class LoopResult:
     elapsed: float
     model: Model
     views: Views = field(default_factory=Views)
+    silence: Silence | None = None
 
     @property
     def verdict(self) -> Verdict:
@@ -243,7 +276,20 @@ class LoopResult:
             "open": [_open(item) for item in self.open],
             "warnings": list(self.warnings),
             "elapsed_s": self.elapsed,
+            **({} if self.silence is None else {"none": _silence(self.silence)}),
         }
+
+
+def _finite(value: Json) -> Json:
+    """Give a value in which numbers that are not finite are null."""
+    match value:
+        case float():
+            return _number(value)
+        case list():
+            return [_finite(item) for item in value]
+        case dict():
+            return {name: _finite(item) for name, item in value.items()}
+    return value
 
 
 def _number(value: float | None) -> float | None:
@@ -310,7 +356,10 @@ def _step(step: Step) -> dict[str, Json]:
         "set": list(step.members),
         "variable": step.variable,
         "shape": step.shape,
-        "lines": [{"order": x.order, "amplitude": x.amplitude, "phase": x.phase} for x in step.lines],
+        "lines": [
+            {"order": _number(x.order), "amplitude": _number(x.amplitude), "phase": _number(x.phase)}
+            for x in step.lines
+        ],
         "equation": step.equation,
         "parameters": {name: estimate_json(value) for name, value in step.parameters.items()},
         "candidates": [_candidate(item) for item in step.candidates],
@@ -326,13 +375,29 @@ def _step(step: Step) -> dict[str, Json]:
     }
 
 
+def _silence(item: Silence) -> dict[str, Json]:
+    return {
+        "replicates": [
+            {
+                "equation": x.equation,
+                "procedure": x.procedure,
+                "replicate_pairs": x.pairs,
+                "rho": _number(x.rho),
+                "ljung_box_per_lag": _number(x.ljung_box),
+            }
+            for x in item.replicates
+        ],
+        "smallest": [{"effect": x.effect, "amplitude": _number(x.amplitude), "unit": x.unit} for x in item.smallest],
+    }
+
+
 def _open(item: Open) -> dict[str, Json]:
     return {
         "verdict": item.verdict.value,
         "group": list(item.group),
         "parameter": item.parameter,
         "deviation": _number(item.deviation),
-        "times": [float(time) for time in item.times],
-        "evidence": dict(item.evidence),
+        "times": [_number(time) for time in item.times],
+        "evidence": {name: _finite(value) for name, value in item.evidence.items()},
         "next_experiment": _next(item.next_experiment),
     }

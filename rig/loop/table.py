@@ -17,6 +17,7 @@ from rig.loop.result import (
     LoopResult,
     NextExperiment,
     Open,
+    Silence,
     Step,
     above_floor,
 )
@@ -94,7 +95,16 @@ def statements(result: LoopResult) -> list[str]:
     for item in result.open:
         lines.append("? " + _statement(item, result.equations))
         lines += _next(item.next_experiment)
+    lines += _silence(result.silence) if result.silence is not None else []
     return lines + [f"! {warning}" for warning in result.warnings]
+
+
+def _silence(silence: Silence) -> list[str]:
+    """Give what the verdict `none` rests on."""
+    alike = [f"{x.equation} in {x.procedure} {x.rho:+.2f} ({counted(x.pairs, 'pair')})" for x in silence.replicates]
+    seen = [f"{x.effect} {x.amplitude:.2g} {x.unit}".removesuffix(" 1") for x in silence.smallest]
+    lines = [f". correlation of replicates: {', '.join(alike)}"] if alike else []
+    return lines + ([f". would have been seen from: {', '.join(seen)}"] if seen else [])
 
 
 def floor_remark(result: LoopResult) -> str:

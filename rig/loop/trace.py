@@ -41,6 +41,7 @@ from rig.loop.statements.metrics import Floor, Residual, errors, floor_of, poole
 from rig.loop.statements.open_statements import open_statements
 from rig.loop.statements.remarks import doubts, far_from_prior, remarks, unadded
 from rig.loop.statements.report_steps import model_of, steps_of
+from rig.loop.statements.silence import silence_of
 from rig.loop.statements.views import Added, Pair, facts_of, views_of
 from rig.loop.statements.wrong_experiment import wrong_experiments
 from rig.loop.workers.held import Held
@@ -180,9 +181,11 @@ def _traced(
         *remarks(known_tracks, runs, dut, final.model),
         *unadded(selection),
     )
-    if math.isfinite(fastest):
+    faster = [track.name for track in known_tracks if _faster(track, fastest)]
+    if faster:
         text = f"Motor torque of legs faster than {fastest:.4g} rad/s left out: how the drive follows lines is unknown."
-        warnings = (*warnings, text)
+        warnings = (*warnings, f"{text} Runs with such legs: {', '.join(faster)}.")
+    quiet = not steps and not still_open
     return LoopResult(
         train=tuple(run.name for run in campaign.train),
         held_out=tuple(run.name for run in campaign.held_out),
@@ -193,6 +196,7 @@ def _traced(
         elapsed=0.0,
         model=model_of(final, steps, entries, dut, software_version()),
         views=_views(sides, selection, steps, campaign, dut),
+        silence=silence_of(selection, [pair.calm for pair in fitting["train"]], dut) if quiet else None,
     )
 
 
@@ -322,6 +326,10 @@ def _free_speeds(piece: Piece) -> list[float]:
     return np.unique(np.abs(piece.track.speed[piece.index])).tolist() if _runs_free(piece) else []
 
 
+def _faster(track: Track, fastest: float) -> bool:
+    return track.procedure is ProcedureName.FREE_RUN and float(np.abs(track.speed).max(initial=0.0)) > fastest
+
+
 def _runs_free(piece: Piece) -> bool:
     return piece.law is Law.FREE_RUN and piece.equation is not Equation.TORSION
 
@@ -416,14 +424,23 @@ def _errors_of(pairs: Sequence[_BeforeAfter], known: Sequence[Residual], dut: Du
 
 
 def _refuse_leaks(equations: dict[str, EquationResult], held_out: Sequence[Run]) -> None:
-    """Raise DataError where the held-out error lies below what noise alone leaves."""
+    """Raise DataError where the held-out error lies below what noise alone leaves.
+
+    The procedures are looked at apart only where one of them has no floor, and with it the whole none.
+    """
+    looked_at = []
     for name, item in equations.items():
-        found = item.held_out
-        if found is not None and found.floor_ci95 is not None and found.rms_after < found.floor_ci95[0]:
+        if item.held_out is not None and item.held_out.floor_ci95 is not None:
+            looked_at.append((name, item.unit, item.held_out))
+        elif item.held_out is not None:
+            apart = item.held_out.by_procedure.items()
+            looked_at += [(f"{name} in {procedure}", item.unit, errors) for procedure, errors in apart]
+    for name, unit, found in looked_at:
+        if found.floor_ci95 is not None and found.rms_after < found.floor_ci95[0]:
             raise DataError(
                 ", ".join(run.name for run in held_out),
-                f"the held-out error of {name} after the fit is {found.rms_after:.4g} {item.unit}, below the floor "
-                f"of the instruments {found.floor_ci95[0]:.4g} to {found.floor_ci95[1]:.4g} {item.unit}",
+                f"the held-out error of {name} after the fit is {found.rms_after:.4g} {unit}, below the floor "
+                f"of the instruments {found.floor_ci95[0]:.4g} to {found.floor_ci95[1]:.4g} {unit}",
                 value=found.rms_after,
                 expected="an error not below what noise alone leaves",
                 hint="A channel that is predicted may leak into a regressor, or replicates are not replicates.",

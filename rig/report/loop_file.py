@@ -109,6 +109,31 @@ class Open(Tolerant):
     next_experiment: NextExperiment | None = None
 
 
+class Replicates(Tolerant):
+    """How like noise the residuals of a procedure's replicates are."""
+
+    equation: str
+    procedure: str
+    replicate_pairs: int = 0
+    rho: float | None = None
+    ljung_box_per_lag: float | None = None
+
+
+class Smallest(Tolerant):
+    """Amplitude from which on an effect would have been added."""
+
+    effect: str
+    amplitude: float | None = None
+    unit: str = ""
+
+
+class Silence(Tolerant):
+    """What the verdict `none` rests on."""
+
+    replicates: Annotated[tuple[Replicates, ...], Field(strict=False)] = ()
+    smallest: Annotated[tuple[Smallest, ...], Field(strict=False)] = ()
+
+
 class Runs(Tolerant):
     """Names of the runs on both sides."""
 
@@ -126,6 +151,7 @@ class LoopFile(Tolerant):
     equations: dict[str, Equation] = {}
     steps: Annotated[tuple[Step, ...], Field(strict=False)] = ()
     open: Annotated[tuple[Open, ...], Field(strict=False)] = ()
+    none: Silence | None = None
     warnings: Names = ()
     elapsed_s: float | None = None
 

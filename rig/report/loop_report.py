@@ -15,7 +15,9 @@ from rig.report.loop_sections import (
     next_box,
     next_experiments,
     open_panel,
+    replicates_table,
     runs_table,
+    smallest_table,
     step_panel,
 )
 from rig.report.page import page, section
@@ -35,6 +37,10 @@ TRIED = (
     "Each class alone, on top of what had been added before. The p-value counts all tests that were made; – where that "
     "bound reaches 1 and says nothing."
 )
+SEEN = (
+    "Nothing was added. An effect of at least the amplitude given here would have been: no chance at the false-alarm "
+    "probability asked for, and a large enough share of what is left. Smaller ones may be there."
+)
 ZOOM = "Zoom: drag a rectangle, or use the buttons or + and − in a plot; arrows or shift and drag move, 0 shows all."
 
 
@@ -46,6 +52,7 @@ def loop_page(record: LoopRecord, software: str) -> str:
         "Before and after": ("errors", _errors(loop)),
         "What was added": ("added", _added(loop)),
         "What stays open": ("open", _open(loop)),
+        "What would have been seen": ("seen", _seen(loop)),
         "Residual before and after": ("residual", _residuals(record.views.residuals)),
         "Hysteresis loops": ("hysteresis", _cycles(record)),
         "Spectrum over the angle": ("spectrum", _spectra(record)),
@@ -96,6 +103,12 @@ def _added(loop: LoopFile) -> Markup:
 def _open(loop: LoopFile) -> Markup | None:
     units = {name: item.unit for name, item in loop.equations.items()}
     return joined(open_panel(item, units) for item in loop.open) if loop.open else None
+
+
+def _seen(loop: LoopFile) -> Markup | None:
+    if loop.none is None:
+        return None
+    return joined([element("p", SEEN), smallest_table(loop.none), replicates_table(loop.none)])
 
 
 def _residuals(views: tuple[ResidualView, ...]) -> Markup:

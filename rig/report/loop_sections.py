@@ -9,12 +9,24 @@ from rig.loop.display import interval_text
 from rig.loop.files.evidence_keys import in_words, meaning_of_key
 from rig.loop.files.views_file import RunFacts
 from rig.report.html import Markup, element, joined
-from rig.report.loop_file import Candidate, Errors, Estimate, LoopFile, ModelFile, NextExperiment, Open, Shift, Step
+from rig.report.loop_file import (
+    Candidate,
+    Errors,
+    Estimate,
+    LoopFile,
+    ModelFile,
+    NextExperiment,
+    Open,
+    Shift,
+    Silence,
+    Step,
+)
 from rig.report.numbers import (
     UNKNOWN,
     change_text,
     error_scale,
     interval_in,
+    prefix_of,
     probability_text,
     scaled,
     shown_as,
@@ -257,6 +269,29 @@ def base_table(model: ModelFile, shifts: Mapping[str, Shift]) -> Markup:
     titles = ["parameter", "value", "unit", "95 % interval", *(["base model alone"] if shifts else []), "meaning"]
     law = f"Base model {model.base.model}" + (f", ratio {model.base.ratio:.8g}" if model.base.ratio else "")
     return table(law, titles, rows, numbers)
+
+
+def smallest_table(silence: Silence) -> Markup | None:
+    """Give the amplitude from which on each effect would have been added."""
+    rows = []
+    for item in silence.smallest:
+        unit, scale = prefix_of("amplitude", item.amplitude or 0.0, item.unit)
+        summary = CATALOGUE[item.effect].summary if item.effect in CATALOGUE else ""
+        size = f"{scaled(item.amplitude, scale, 2)} {unit_text(unit)}".rstrip()
+        rows.append(row([item.effect, size, summary], frozenset({1})))
+    titles = ("effect", "seen from", "what it is")
+    return table("Smallest effects that would have been seen", titles, rows, frozenset({1})) if rows else None
+
+
+def replicates_table(silence: Silence) -> Markup | None:
+    """Give how like noise the residuals of replicates are."""
+    numbers = frozenset({2, 3, 4})
+    rows = []
+    for item in silence.replicates:
+        figures = [str(item.replicate_pairs), scaled(item.rho, 1.0, 2), scaled(item.ljung_box_per_lag, 1.0, 3)]
+        rows.append(row([item.equation, item.procedure, *figures], numbers))
+    titles = ("equation", "procedure", "replicate pairs", "correlation", "Ljung-Box per lag")
+    return table("How like noise it is: correlation 0, Ljung-Box 1", titles, rows, numbers) if rows else None
 
 
 def candidates_table(number: int, step: Step) -> Markup | None:

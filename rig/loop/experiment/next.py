@@ -251,6 +251,8 @@ def _odd_again(item: Open, runs: Sequence[Run], bench: Bench | None) -> NextExpe
     others = f" (of {len(names)})" if len(names) > 1 else ""
     look = "the encoder's cable and coupling" if item.evidence.get("events") else "what may have changed between runs"
     why = f"{which}{others}: repeat it. What comes again is no event; what does not asks for a look at {look}."
+    if procedure not in PROCEDURES:
+        return NextExperiment(why, "")
     return _timed(why, procedure, _as_recorded(procedure, chosen), bench, repeat=2)
 
 

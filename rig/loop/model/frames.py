@@ -29,13 +29,12 @@ def turned(line: Line, dut: Dut) -> Line:
 
 def _turned_phase(line: Line) -> float:
     negated_torque = line.kind.entry is Entry.MOTOR
-    negated_sign = line.kind.entry in (Entry.MOTOR_AGAINST_MOTION, Entry.OUTPUT_AGAINST_MOTION)
     if line.kind.variable == "motor_position":
         # sin(phase - k x) = sin(k x + pi - phase)
         angle = math.pi - line.phase
         negated = negated_torque or line.kind.entry in (Entry.OUTPUT_AGAINST_MOTION, Entry.MOTOR_ANGLE)
         return angle + math.pi if negated else angle
-    return line.phase + math.pi if negated_torque or (negated_sign and line.kind.entry.is_angle) else line.phase
+    return line.phase + math.pi if negated_torque else line.phase
 
 
 def turned_shape(term: ShapeTerm, dut: Dut) -> ShapeTerm:

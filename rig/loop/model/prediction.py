@@ -132,7 +132,8 @@ def _signals(
     """Give what terms may use: T and M are the torques at the flexspline and of the motor, as far as known."""
     found = {**track.auxiliary, **positions, "time": track.time, "direction": track.direction}
     found["locked"] = np.full(track.size, float(track.procedure is ProcedureName.LOCKED_OUTPUT))
-    found["motor_velocity"] = track.speed
+    of_motor = any(x is not None for x in (track.motor_position, track.motor_torque, track.motor_current))
+    found["motor_velocity" if of_motor else "output_velocity"] = track.speed
     found["base_friction"] = np.abs(model.value("T_c")) + np.abs(model.value("b") * track.speed)
     # a sweep of the locked output winds the motor on; in a backdrive and at rest it is held
     found["turning"] = np.full(track.size, float(track.moves or track.procedure is ProcedureName.LOCKED_OUTPUT))

@@ -5,6 +5,10 @@ import numpy as np
 from rig.loop.fitting.fit import Fit, with_noise
 from rig.loop.search.trial import Trial
 
+FAMILIES = 4.0
+"""Sorts of terms that share the false alarms alike, however many are tried of each: lines of free order, lines of fixed
+order, other effects of the catalogue, curves. A class without a free order need not pay for the search of orders."""
+
 LEAST_SHARE = 0.01
 """Share of an equation's squares below which a line is detected but not worth adding."""
 

@@ -6,6 +6,7 @@ does not pay when runs are left out, and what else is there shows only once it i
 
 from rig.loop.fitting.fit import Fit
 from rig.loop.model.terms import TermClass
+from rig.loop.search.acceptance import FAMILIES
 from rig.loop.search.line_candidates import LineCandidate, gains_at
 from rig.loop.search.lines import LEAST_CYCLES, refine, scan
 from rig.loop.search.proposals import Proposal, tops
@@ -44,4 +45,4 @@ def _proposed(ground: Ground, kind: TermClass) -> tuple[list[Proposal], float]:
                 for peak in tops(spectrum)
                 if low - spectrum.resolution <= peak.order <= high + spectrum.resolution
             ]
-    return found, 2.0 * max(tests, 1.0)
+    return found, FAMILIES * max(tests, 1.0)

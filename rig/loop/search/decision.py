@@ -1,28 +1,46 @@
 """What a selection comes to: what was decided of every class, what was found but not added, and the fit in the end."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rig.loop.fitting.fit import Fit
 from rig.loop.model.shapes import ShapeClass
-from rig.loop.model.terms import TermClass
+from rig.loop.model.terms import Line, TermClass
 from rig.loop.result import Candidate, Verdict
 from rig.loop.search.trial import Trial
+
+SAME_ORDER = 0.02
+"""Relative difference of orders by which a line may have moved since it was decided upon."""
 
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What was decided about one class that was added: verdict, set (if ambiguous), candidates and p-value."""
+    """What was decided about one class that was added: verdict, set (if ambiguous), candidates and p-value.
+
+    `order`: of the one line it is about, where another line of its class has another set; None: it is about all others.
+    """
 
     kind: TermClass | ShapeClass
     verdict: Verdict
     members: tuple[str, ...]
     candidates: tuple[Candidate, ...]
     p_value: float
+    order: float | None = None
 
     @property
     def effect(self) -> str:
         """The id in the result."""
         return "ambiguous:" + "|".join(self.members) if self.members else self.kind.id
+
+
+def lines_of(decision: Decision, decisions: Sequence[Decision], lines: Sequence[Line]) -> list[int]:
+    """Give the numbers of the lines that a decision is about, of `decisions` in all."""
+    own = [number for number, line in enumerate(lines) if line.kind == decision.kind]
+    if decision.order is not None:
+        return [number for number in own if math.isclose(lines[number].order, decision.order, rel_tol=SAME_ORDER)]
+    apart = [one for one in decisions if one.kind == decision.kind and one.order is not None]
+    return [number for number in own if not any(number in lines_of(one, (), lines) for one in apart)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,16 +60,26 @@ class Unadded:
 
 
 @dataclass(frozen=True, slots=True)
+class Limit:
+    """Amplitude (in its unit) from which on an effect of this class would have been significant and large enough."""
+
+    kind: TermClass | ShapeClass
+    amplitude: float
+
+
+@dataclass(frozen=True, slots=True)
 class Selection:
     """Outcome: the fit with everything that was added, the decisions in order, and what was found but not added.
 
-    `left`: how the effects that are no lines explain what is left at the end.
+    `left`: how the effects that are no lines explain what is left at the end; `limits`: where nothing was added, how
+    large effects would have had to be.
     """
 
     fit: Fit
     decisions: tuple[Decision, ...]
     unadded: tuple[Unadded, ...]
     left: tuple[Trial, ...]
+    limits: tuple[Limit, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,7 +32,7 @@ from rig.loop.search.compliance_form import other_compliance
 from rig.loop.search.decision import Accepted, Decision, Unadded
 from rig.loop.search.groups import LEAST_START_ANGLES, SET_SHARE, SINGLE_ANGLE_SET, TWINS
 from rig.loop.search.line_candidates import LineCandidate
-from rig.loop.search.proposals import Proposal, is_nameless_angle, same_place
+from rig.loop.search.proposals import KINEMATIC_ERROR, Proposal, is_nameless_angle, same_place
 from rig.loop.search.shape_trials import ShapeTrial, scales_of
 from rig.loop.search.trial import Ground, Trial, consistent, explain_the_same, followed_up_to, prepare, try_line
 from rig.loop.search.tried import by_gain, tried_line, tried_shape
@@ -124,7 +124,9 @@ def _beats(ground: Ground, candidate: LineCandidate) -> str:
     legs = samplings(ground.fit.linear, proposal.kind.variable)
     if beats(proposal.order, ground.fit.linear, proposal.kind.variable, legs):
         return "it is the encoder's counts beating with the samples"
-    if proposal.kind.is_angle and not proposal.kind.entry.is_product:  # counts know of no torque
+    # counts know of no torque, and do not beat at the very order that a gear errs with
+    usual = proposal.expected and proposal.kind.effect == KINEMATIC_ERROR
+    if proposal.kind.is_angle and not proposal.kind.entry.is_product and not usual:
         size, ratio = _angle_at_output(trial, proposal.kind, ground), ground.fit.model.ratio or 1.0
         if small_beats(proposal.order, size, ground.fit.linear, proposal.kind.variable, ratio):
             return "it is no larger than what an encoder's counts make, and beats with the samples as they do"

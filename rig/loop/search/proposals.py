@@ -12,6 +12,7 @@ import numpy as np
 from rig.loop.fitting.normal import Kind, LinearPiece
 from rig.loop.model.equations import Equation
 from rig.loop.model.terms import Entry, TermClass, periodic_effects
+from rig.loop.search.acceptance import FAMILIES
 from rig.loop.search.lines import Peak, Spectrum, Times, one_speed, peaks, scan
 from rig.loop.search.trial import Ground, line_gains
 
@@ -29,6 +30,11 @@ LOWEST_FREQUENCY, FEWEST_PERIODS = 0.3, 5.0
 be anything that a sweep does in time."""
 
 _BALANCE = {Equation.TORSION: Entry.ANGLE_ONLY, Equation.OUTPUT_TORQUE: Entry.OUTPUT}
+
+KINEMATIC_ERROR, USUAL_ERRORS = "kinematic-error", (2.0, 4.0)
+"""Cycles per motor turn of a strain wave gear's kinematic error: twice, as the wave generator has two lobes, and its
+harmonic. They are tried whatever stands out more: counts that beat with the samples do so at any order.
+Source: T. D. Tuttle and W. P. Seering, IEEE Trans. Robot. Autom. 12 (1996) 368-374."""
 
 SUBDIVISION = "encoder-subdivision-error"
 LEAST_LINES = 16
@@ -53,7 +59,6 @@ def propose(ground: Ground, known: Mapping[str, float]) -> tuple[list[Proposal],
     """Scan every kind of piece and give the classes to try at each peak, and the tests among free and fixed orders.
 
     Kinds are scanned apart: a few start angles of a sweep would otherwise hide a line that a turning run shows clearly.
-    Either sort of order has half of the false alarms: a class without a free order need not pay for the search.
     """
     found: list[Proposal] = []
     tests, fixed_tests = 0.0, 0
@@ -88,6 +93,11 @@ def propose(ground: Ground, known: Mapping[str, float]) -> tuple[list[Proposal],
                     # in a sweep the angle follows the torque: a line that does not act back is any compliance
                     classes = [proposal for proposal in classes if not is_nameless_angle(proposal.kind)]
                 found += [replace(proposal, height=peak.height) for proposal in classes]
+            if equation is Equation.TORSION and variable == "motor_position" and moves:
+                usual = [kind for kind in effects if kind.effect == KINEMATIC_ERROR]
+                orders = [order for order in USUAL_ERRORS if order > spectrum.resolution]
+                found += [Proposal(kind, n, spectrum.resolution, expected=True) for kind in usual for n in orders]
+                fixed_tests += len(usual) * len(orders)
             if equation is Equation.TORSION and variable == "motor_position" and ratio is not None and moves:
                 subdivisions, tried = _subdivisions(spectrum, ratio, counts, effects)
                 found += subdivisions
@@ -100,7 +110,7 @@ def propose(ground: Ground, known: Mapping[str, float]) -> tuple[list[Proposal],
             over_time = TermClass(None, _BALANCE.get(equation, Entry.MOTOR), "time")
             found += [Proposal(over_time, p.order, hum.resolution, p.height) for p in tops(hum) if p.order > slowest]
     fixed = [Proposal(effect, effect.fixed_order, 0.0) for effect in effects if effect.fixed_order is not None]
-    return found + fixed, 2.0 * max(tests, 1.0), 2.0 * max(len(fixed) + fixed_tests, 1)
+    return found + fixed, FAMILIES * max(tests, 1.0), FAMILIES * max(len(fixed) + fixed_tests, 1)
 
 
 def _up_to(spectrum: Spectrum, highest: float) -> Spectrum:

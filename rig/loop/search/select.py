@@ -7,13 +7,14 @@ every other class with 90 % of the pick's gain joins the set, and then the verdi
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 from rig.loop.fitting.fit import Fit, Material
-from rig.loop.model.shapes import ShapeClass
-from rig.loop.model.terms import TermClass
+from rig.loop.model.prediction import Model
 from rig.loop.search.contenders import by_joint_fit
-from rig.loop.search.decision import Accepted, Decision, Selection, Unadded
+from rig.loop.search.decision import Accepted, Decision, Limit, Selection, Unadded, lines_of
 from rig.loop.search.groups import QUOTIENT
+from rig.loop.search.limits import limits_of
 from rig.loop.search.line_candidates import LineCandidate, line_candidates
 from rig.loop.search.line_verdict import judge_line
 from rig.loop.search.shape_trials import ShapeTrial
@@ -40,14 +41,15 @@ def select(
     current = base
     decisions: list[Decision] = []
     unadded: dict[tuple[str, int], Unadded] = {}
-    left: tuple[Trial, ...] = ()
+    left: tuple[Fit, tuple[Trial, ...]] = (base, ())
+    limits: tuple[Limit, ...] = ()
     while len(current.model.lines) < MOST_LINES:
         count = len(current.model.lines) + len(current.model.shapes)
         on_stage(f"trying every effect on what is left, {count} added so far")
         ground = prepare(current)
         lines = line_candidates(ground, known)
         shapes = shape_candidates(pieces, ground, known, max((c.trial.gain for c in lines), default=0.0))
-        left = tuple(item.trial for item in shapes)
+        left = current, tuple(item.trial for item in shapes)
         present = {term.effect.id for term in current.model.shapes}
         present |= set(QUOTIENT) if present & set(QUOTIENT) else set()
         present |= {name for decision in decisions for name in decision.members}
@@ -55,21 +57,33 @@ def select(
         shapes = by_joint_fit(pieces.few, ground, shapes, alpha)
         accepted = _round(pieces, ground, lines, shapes, alpha, decisions, unadded)
         if accepted is None:
+            limits = () if decisions else tuple(limits_of(ground, lines, shapes, alpha))
             break
+        known_lines = len(current.model.lines)
         decision, current = accepted
         on_stage(f"added: {decision.kind.id}")
-        if all(decision.kind != earlier.kind for earlier in decisions):
+        earlier = next((one for one in decisions if one.kind == decision.kind), None)
+        if earlier is None:
             decisions.append(decision)
+        elif earlier.members != decision.members:
+            decisions.append(replace(decision, order=current.model.lines[known_lines].order))
     on_stage("judging whether what was added must stay")
     current = withdraw(pieces, current, alpha)
     on_stage("trying shapes without a name on what is left")
     named = current
-    current, decisions = unnamed(pieces, named, decisions, alpha, known)
+    current, decisions = unnamed(pieces, named, _still_there(decisions, named.model), alpha, known)
     if current is not named:
         current = withdraw_lines(pieces, current, alpha)
-    kept: set[TermClass | ShapeClass] = {line.kind for line in current.model.lines}
-    kept |= {term.kind for term in current.model.shapes}
-    return Selection(current, tuple(d for d in decisions if d.kind in kept), tuple(unadded.values()), left)
+    kept = _still_there(decisions, current.model)
+    if left[0] is not current:
+        left = current, tuple(item.trial for item in shape_candidates(pieces, prepare(current), known, 0.0))
+    return Selection(current, tuple(kept), tuple(unadded.values()), left[1], limits)
+
+
+def _still_there(decisions: Sequence[Decision], model: Model) -> list[Decision]:
+    """Give the decisions whose terms the model still has."""
+    kinds = {term.kind for term in model.shapes}
+    return [one for one in decisions if one.kind in kinds or lines_of(one, decisions, model.lines)]
 
 
 def _round(

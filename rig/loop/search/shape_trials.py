@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rig.loop.fitting.normal import LinearPiece, side_by_side
 from rig.loop.model.curves import Curve
 from rig.loop.model.shapes import ShapeTerm, addition, catalogue_shapes, unit_columns
+from rig.loop.search.acceptance import FAMILIES
 from rig.loop.search.trial import ColumnsOf, Ground, Trial, gains, try_columns
 from rig.loop.workers.held import Held
 from sim_backend.model.effects import Effect
@@ -94,7 +95,7 @@ def shape_trials(ground: Ground, sparse: Ground, scales: Scales, least: float) -
         sized_term = sized(tuned, trial.amplitudes)
         if trial.gain > 0.0 and sized_term is not None:
             # every effect has its share of the false alarms, however fine its grid
-            found.append(ShapeTrial(sized_term, trial, 2.0 * len(starts) * len(grid)))
+            found.append(ShapeTrial(sized_term, trial, FAMILIES * len(starts) * len(grid)))
     return sorted(found, key=lambda item: -item.trial.gain)
 
 

@@ -20,6 +20,7 @@ from rig.loop.model.shapes import SWEPT_TORQUE, ShapeTerm
 from rig.loop.result import Verdict
 from rig.loop.search.acceptance import (
     BEST_SHARE,
+    FAMILIES,
     LARGE_SHARE,
     LEAST_CURVE_SHARE,
     LEAST_SHAPE_SHARE,
@@ -43,7 +44,7 @@ KNOTS = (9, 25)
 FEW_KNOTS = (2, 5)
 """over anything else, which moves less."""
 
-SPEEDS, LEAST_STEP = 6, 0.1
+MOST_SPEEDS, LEAST_STEP = 6, 0.1
 """Knots over a speed at most, on either side of zero, spread over the speeds that there are; and by how much of a speed
 the next one must be faster to be another."""
 
@@ -78,7 +79,10 @@ INTERNAL = frozenset(
     }
 )
 """Names of the model's own, no signals of a log; and a current, which says what the torque says."""
-MODELLED = frozenset({*ANGLES, "output_torque", "motor_torque", "motor_velocity", TURNING_LOAD})
+SPEEDS = ("motor_velocity", "output_velocity")
+"""The speed that the model follows: the output's where a log knows nothing of the motor."""
+
+MODELLED = frozenset({*ANGLES, *SPEEDS, "output_torque", "motor_torque", TURNING_LOAD})
 """Signals that the model follows anyway; whatever else was recorded is tried as it stands."""
 
 MORE_THAN_A_COLUMN = 30.0
@@ -133,18 +137,18 @@ def _kinds(samples: Mapping[str, Floats]) -> Iterator[tuple[Enters, str, Form, s
     """Give where, of what, in which form and times what a curve is tried."""
     known = samples.keys()
     other = [name for name in known if name not in MODELLED]
+    speeds = [name for name in SPEEDS if name in known]
+    of_speed = [(name, form) for name in speeds for form in (Form.CURVE, Form.LAG)]
     torsion = [("output_torque", form) for form in (Form.CURVE, Form.PLAY, Form.PEAK, Form.LAG, Form.RATE)]
-    torsion += [("motor_velocity", form) for form in (Form.CURVE, Form.LAG)]
+    torsion += of_speed
     if {"output_torque", "motor_position"} <= known:
         yield Enters.TORSION, "motor_position", Form.WAVE, "output_torque"
-    motor = [("motor_velocity", form) for form in (Form.CURVE, Form.LAG)]
-    motor += [("output_torque", form) for form in (Form.CURVE, Form.PLAY)]
-    friction = [("output_torque", form) for form in (Form.CURVE, Form.RATE, Form.PEAK)]
-    friction += [("motor_velocity", form) for form in (Form.CURVE, Form.LAG)]
+    motor = [*of_speed, *(("output_torque", form) for form in (Form.CURVE, Form.PLAY))]
+    friction = [*(("output_torque", form) for form in (Form.CURVE, Form.RATE, Form.PEAK)), *of_speed]
     plain = {
         Enters.TORSION: torsion,
         Enters.MOTOR_BALANCE: motor,
-        Enters.OUTPUT_BALANCE: [("motor_velocity", Form.CURVE)],
+        Enters.OUTPUT_BALANCE: [(name, Form.CURVE) for name in speeds],
         Enters.FRICTION: friction,
     }
     products = {
@@ -159,7 +163,7 @@ def _kinds(samples: Mapping[str, Floats]) -> Iterator[tuple[Enters, str, Form, s
         for variable in other:
             yield enters, variable, Form.CURVE, ""
         for factor in products.get(enters, ()):
-            for variable in (*other, "motor_velocity"):
+            for variable in (*other, *speeds):
                 if factor in known and variable in known:
                     yield enters, variable, Form.CURVE, factor
 
@@ -174,7 +178,7 @@ def _moving(pieces: Sequence[Mapping[str, Floats]]) -> dict[str, Floats]:
 def _some_samples(item: LinearPiece) -> dict[str, Floats]:
     """Give some of the samples that count, by signal; the speed at which a sweep winds the gear up is none."""
     rows = item.piece.index[:: max(1, item.piece.index.size // MOST_SAMPLES)]
-    left_out = INTERNAL if item.piece.track.moves else INTERNAL | {"motor_velocity"}
+    left_out = INTERNAL if item.piece.track.moves else INTERNAL | set(SPEEDS)
     return {name: values[rows] for name, values in item.evaluation.signals.items() if name not in left_out}
 
 
@@ -189,11 +193,10 @@ def _knots(variable: str, values: Floats) -> list[tuple[float, ...]]:
     """Give the knots of curves over a signal; one that no sample stands for is left out."""
     if not values.size:
         return []
-    if variable == "motor_velocity":
-        speeds = _apart(np.unique(np.abs(values[values != 0.0])))
-        sides = (
-            speeds[np.unique(np.linspace(0, speeds.size - 1, SPEEDS).round().astype(int))] if speeds.size else speeds
-        )
+    if variable in SPEEDS:
+        sides = _apart(np.unique(np.abs(values[values != 0.0])))
+        if sides.size:
+            sides = sides[np.unique(np.linspace(0, sides.size - 1, MOST_SPEEDS).round().astype(int))]
         choices = [np.concatenate([-sides[::-1], [0.0], sides])]
     else:
         counts = KNOTS if variable in ("output_torque", "motor_torque") else FEW_KNOTS
@@ -220,7 +223,7 @@ def curve_trials(ground: Ground, known: Mapping[str, float]) -> list[ShapeTrial]
         grown = sized(term, trial.amplitudes) if trial.gain > 0.0 else None
         if grown is not None:
             gain = max(trial.gain - MORE_THAN_A_COLUMN * trial.columns, 0.0)
-            found.append(ShapeTrial(grown, replace(trial, gain=gain), 2.0 * len(terms)))
+            found.append(ShapeTrial(grown, replace(trial, gain=gain), FAMILIES * len(terms)))
     return sorted(found, key=lambda item: -item.trial.gain)
 
 
@@ -254,7 +257,7 @@ def unnamed(
             place = next(k for k, decision in enumerate(decisions) if decision.kind == kind)
             decisions[place] = _of_curve(better, min(1.0, better.trial.single_p * better.tests), [better])
             newest = better.term.kind
-    while len({decision.kind for decision in decisions}) <= MOST_CLASSES:
+    while len({decision.kind for decision in decisions}) < MOST_CLASSES:
         found = _best_curve(pieces, current, known, alpha)
         if found is None:
             break

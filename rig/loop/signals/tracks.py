@@ -175,7 +175,8 @@ def make_track(run: Run, dut: Dut) -> Track:
         # a torque that stands still while it sweeps the drive is a dead channel, not a reading
         output_torque, motor_torque = _alive(output_torque), _alive(motor_torque)
     turning = run.procedure in (ProcedureName.FREE_RUN, ProcedureName.BACKDRIVE)
-    held = not turning and float(np.median(np.abs(speed))) < HELD_SPEED and motor_position is not None
+    still = speed.size > 0 and float(np.median(np.abs(speed))) < HELD_SPEED
+    held = not turning and still and motor_position is not None
     load, drive = _calm(output_torque, period), None if moves else _calm(motor_torque, period)
     load_line, drive_line = _line(load, period), _line(drive, period)
     return Track(

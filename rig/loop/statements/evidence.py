@@ -107,7 +107,7 @@ def repeats(residuals: Sequence[Residual], dut: Dut, model: Model) -> Repeats | 
             odd.append((one, two)[int(np.argmax(sizes))].piece.track.name)
     if not rhos:
         return None
-    allowance = _allowance(residuals[0].piece, dut, model.ratio)
+    allowance = float(np.mean([_allowance(residual.piece, dut, model.ratio) for residual in used]))
     noise = slow_noise(used, dut, model)
     return Repeats(
         equation=residuals[0].piece.equation.value,
@@ -168,7 +168,7 @@ def memory(residuals: Sequence[Residual], dut: Dut, model: Model) -> Memory | No
         procedure=piece.track.procedure.value,
         runs=len(long),
         slow=math.sqrt(float(np.mean(slow**2))),
-        noise=math.sqrt(noise.square + _allowance(piece, dut, model.ratio)),
+        noise=math.sqrt(noise.square + float(np.mean([_allowance(x.piece, dut, model.ratio) for x in long]))),
         dwells=noise.dwells,
         ljung_box=float(np.mean([ljung_box(residual) for residual in long])),
     )

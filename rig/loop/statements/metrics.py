@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rig.config.dut import Dut
 from rig.loop.fitting.normal import correlation_length
 from rig.loop.model.equations import Equation, Piece, target_of
+from rig.loop.model.parameters import TYPICAL_RATIO
 from rig.loop.model.prediction import Model, predict
 from rig.loop.result import Errors
 from rig.loop.signals.counts import count_of
@@ -36,7 +37,9 @@ ALL_NOISE = 1.1
 """Times the fast part of a residual up to which that of what was measured is noise, too."""
 
 NONE_MISSING = 0.9
-"""Share of the replicates' fast noise from which on none is missing."""
+"""Share of the replicates' fast noise from which on none is missing;"""
+UNSURE_MEDIAN = 4.0
+"""by this over the root of the number of samples less: three standard deviations of the median of differences."""
 
 COMPUTED_SPREAD = 0.25
 """Relative half width of a computed floor: quantisation is not quite uniform, a dwell is not quite a sweep."""
@@ -75,6 +78,12 @@ class Residual:
             return 0.0
         step = np.diff(self.values)[np.diff(self.time) < 1.5 * self.piece.track.period]
         return float(np.sqrt(np.mean(step**2) / 2.0)) if step.size else 0.0
+
+    @property
+    def step_sizes(self) -> Floats:
+        """Give the size of the differences of neighbouring samples over sqrt(2), (k,)."""
+        step = np.diff(self.values)[np.diff(self.time) < 1.5 * self.piece.track.period]
+        return np.abs(step) / math.sqrt(2.0)
 
     @property
     def fast_of_target(self) -> float:
@@ -237,11 +246,10 @@ def _from_replicates(found: Sequence[tuple[Residual, Residual]], wanted: Sequenc
     relative = math.hypot(relative, _own_spread(wanted))
     # that their noise is another is an estimate too, as unsure as it is far from one
     low, high = min(scale**2, 1.0) * max(1.0 - relative, 0.0), max(scale**2, 1.0) * (1.0 + relative)
-    if not wanted[0].piece.demeaned and _fast(wanted) >= NONE_MISSING * _fast(replicates):
-        # a leak takes fast noise as well; where all of it is there, a smaller slow part is the chance of a few swings
-        own = _rms(np.concatenate([r.values for r in wanted]))
-        low = min(low, own * (1.0 - _own_spread(wanted)) / seen) if seen > 0.0 else low
-    return Floor(scale * seen, low * seen, high * seen, True)
+    low, high = low * seen, high * seen
+    if not wanted[0].piece.demeaned and _none_missing(_steps(wanted), _steps(replicates)):
+        low = _as_small_as(low, wanted)
+    return Floor(scale * seen, low, high, True)
 
 
 def _noisier(wanted: Sequence[Residual], replicates: Sequence[Residual]) -> float:
@@ -254,6 +262,27 @@ def _noisier(wanted: Sequence[Residual], replicates: Sequence[Residual]) -> floa
     if left == 0.0:
         return 1.0
     return _fast_of_target(wanted) / measured if 0.0 < measured < ALL_NOISE * left else _fast(wanted) / left
+
+
+def _none_missing(own: Floats, noise: Floats) -> bool:
+    """Whether neighbouring samples differ as those of noise do, single outliers of heavy tails apart."""
+    if not own.size or not noise.size:
+        return False
+    size = np.median if np.median(noise) > 0.0 else _rms  # a reading that is held steps in few samples
+    unsure = UNSURE_MEDIAN / math.sqrt(min(own.size, noise.size))
+    return bool(size(own) >= (NONE_MISSING - unsure) * size(noise))
+
+
+def _steps(residuals: Sequence[Residual]) -> Floats:
+    return np.concatenate([residual.step_sizes for residual in residuals])
+
+
+def _as_small_as(low: float, wanted: Sequence[Residual]) -> float:
+    """Give a floor's lower end, no higher than what is left: a leak takes fast noise as well.
+
+    Where all of that is there, a smaller slow part, or fewer outliers, are the chance of a few swings.
+    """
+    return min(low, _rms(np.concatenate([r.values for r in wanted])) * (1.0 - _own_spread(wanted)))
 
 
 def _fast(residuals: Sequence[Residual]) -> float:
@@ -285,7 +314,28 @@ def _computed(wanted: Sequence[Residual], dut: Dut, model: Model) -> Floor | Non
             return None
         squares.append(square)
     rms = math.sqrt(float(np.mean(squares)))
-    return Floor(rms, rms * (1.0 - COMPUTED_SPREAD), rms * (1.0 + COMPUTED_SPREAD), False)
+    spread = max(COMPUTED_SPREAD, *(_dwell_spread(residual.piece) for residual in wanted))
+    low = rms * max(1.0 - spread, 0.0)
+    if not wanted[0].piece.demeaned and _none_missing(_steps(wanted), _dwell_steps(wanted, model)):
+        low = _as_small_as(low, wanted)
+    return Floor(rms, low, rms * (1.0 + spread), False)
+
+
+def _dwell_steps(wanted: Sequence[Residual], model: Model) -> Floats:
+    """Give what `Residual.step_sizes` has of the dwells before the first motion, of what was measured."""
+    quiet = [(target_of(x.piece, model.ratio), dwell_of(x.piece)) for x in wanted]
+    known = [np.abs(np.diff(target[rows])) / math.sqrt(2.0) for target, rows in quiet if rows is not None]
+    return np.concatenate(known) if known else np.zeros(0)
+
+
+def _dwell_spread(piece: Piece) -> float:
+    """Give the relative 95 % half width of the rms of the torques in a dwell: of heavy tails it tells little."""
+    quiet, track = dwell_of(piece), piece.track
+    if quiet is None:
+        return 0.0
+    apart = [(values[quiet] - values[quiet].mean()) ** 2 for values in (track.T, track.M) if values is not None]
+    known = [squares for squares in apart if squares.size > 1 and np.any(squares)]
+    return max((0.5 * 1.96 * float(x.std(ddof=1) / x.mean()) / math.sqrt(x.size) for x in known), default=0.0)
 
 
 def _instrument_square(residual: Residual, dut: Dut, model: Model) -> float | None:
@@ -338,13 +388,23 @@ def _step_of(position: Floats | None) -> float | None:
     return None if position is None else count_of([position])
 
 
+def by_procedure(residuals: Sequence[Residual]) -> dict[tuple[str, str], list[Residual]]:
+    """Group residuals by equation and procedure."""
+    groups: dict[tuple[str, str], list[Residual]] = {}
+    for residual in residuals:
+        key = (residual.piece.equation.value, residual.piece.track.procedure.value)
+        groups.setdefault(key, []).append(residual)
+    return groups
+
+
 def dwell_of(piece: Piece) -> slice | None:
     """Give the quiet samples before a run's first motion, None if there are too few."""
     track = piece.track
     angle = track.motor_position if track.motor_position is not None else track.output_position
     if angle is None:
         return None
-    moved = np.abs(angle - angle[0]) > QUIET_TRAVEL
+    travel = QUIET_TRAVEL if track.motor_position is not None else QUIET_TRAVEL / TYPICAL_RATIO
+    moved = np.abs(angle - angle[0]) > travel
     for torque in (track.output_torque, track.motor_torque):
         if torque is not None and torque.size > 3:
             # a sweep has slope in every sample, but no second difference

@@ -17,12 +17,20 @@ from rig.loop.model.prediction import Model
 from rig.loop.result import ABOVE_FLOOR, EquationResult, Json, Open, Verdict
 from rig.loop.search.acceptance import LEAST_IMPROVED, LEAST_SHAPE_SHARE
 from rig.loop.search.decision import Selection
-from rig.loop.search.groups import LEAST_SLOPE, QUOTIENT
+from rig.loop.search.groups import LEAST_SLOPE, QUOTIENT, SET_SHARE
 from rig.loop.statements.channels import correlations
 from rig.loop.statements.colour import cleaned_away, slow_noise
 from rig.loop.statements.events import Event, without_events
 from rig.loop.statements.evidence import Memory, Repeats, memory, repeats
-from rig.loop.statements.metrics import LEAST_DWELL, MEDIAN_TO_SIGMA, Residual, dwell_of, pairs, quantisation_square
+from rig.loop.statements.metrics import (
+    LEAST_DWELL,
+    MEDIAN_TO_SIGMA,
+    Residual,
+    by_procedure,
+    dwell_of,
+    pairs,
+    quantisation_square,
+)
 from rig.loop.statements.report_steps import base_estimates
 
 STIFFNESS_DEVIATION = 0.10
@@ -33,6 +41,9 @@ STIFFNESS_GROUP = ("fixture-compliance", "flexspline-compliance", "torque-consta
 SLOPE_GROUP = ("load-dependent-friction", "torque-constant-error", "torque-sensor-gain")
 SURE = 1e-4
 """False-alarm probability of a single test below which such a statement is made."""
+
+WORSE = 1.02
+"""Times by which the held-out error may grow: so much is the chance of a few runs."""
 
 SURE_OF_MANY = 1e-7
 """The same for the best of all shapes at all points of their grids, some hundreds of tests."""
@@ -108,7 +119,7 @@ def _without_floor(
 def _events(residuals: Sequence[Residual], events: Sequence[tuple[Event, ...]], used: Collection[str]) -> list[Open]:
     """Report the steps that come at once, stay, and are in no replicate: what the model can add repeats."""
     found = []
-    for (equation, procedure), members in _by_procedure(residuals).items():
+    for (equation, procedure), members in by_procedure(residuals).items():
         own = {id(residual) for residual in members}
         listed = [
             event for residual, some in zip(residuals, events, strict=True) if id(residual) in own for event in some
@@ -152,7 +163,7 @@ def _left_over(
 ) -> list[Open]:
     """Judge what is left of every equation and procedure; `recorded`: with the events that `residuals` lack."""
     found = []
-    for members in _by_procedure(residuals).values():
+    for members in by_procedure(residuals).values():
         judged = repeats(members, dut, model)
         if judged is not None:
             if judged.structured:
@@ -219,7 +230,7 @@ def _untraced(item: Repeats) -> Open:
 
 
 def _shapes(selection: Selection) -> list[Open]:
-    """Report the torsion shape that explains most of what is left, if it is no chance."""
+    """Report the effect that explains most of what is left, if it is no chance."""
     trials = [
         trial
         for trial in selection.left
@@ -232,13 +243,13 @@ def _shapes(selection: Selection) -> list[Open]:
     if not trials:
         return []
     best = max(trials, key=lambda trial: trial.gain)
-    near = sorted(trial.label for trial in trials if trial.gain >= 0.9 * best.gain)
+    near = sorted(trial.label for trial in trials if trial.gain >= SET_SHARE * best.gain)
     return [
         Open(
             verdict=Verdict.UNTRACED,
             group=tuple(near),
             evidence={
-                "equation": "torsion",
+                "equation": max(best.shares, key=lambda equation: best.shares[equation]).value,
                 "looks_like": near,
                 "share_of_squares": float(best.share),
                 "p_value": best.single_p,
@@ -255,7 +266,7 @@ def _worse(selection: Selection, equations: Mapping[str, EquationResult]) -> lis
         for name, item in equations.items()
         if selection.decisions
         and item.held_out is not None
-        and item.held_out.rms_after > 1.02 * item.held_out.rms_before
+        and item.held_out.rms_after > WORSE * item.held_out.rms_before
     }
     return [
         Open(
@@ -285,7 +296,7 @@ def _above_floor(
     one reversal that it moved shifts a whole leg, and a few replicates hold too few legs to show how far.
     """
     found = []
-    for (name, procedure), members in _by_procedure(residuals).items():
+    for (name, procedure), members in by_procedure(residuals).items():
         whole = equations[name].held_out or equations[name].train
         errors = whole.by_procedure.get(procedure) if whole is not None else None
         if errors is None or errors.floor_ci95 is None or known & {(name, procedure), (name, None)}:
@@ -313,14 +324,6 @@ def _without_outliers(residuals: Sequence[Residual]) -> float:
     typical = float(np.median(values)) or float(np.sqrt(np.mean(values**2)))
     bound = OUTLIER * MEDIAN_TO_SIGMA * typical
     return float(np.sqrt(np.mean(np.minimum(values, bound) ** 2)))
-
-
-def _by_procedure(residuals: Sequence[Residual]) -> dict[tuple[str, str], list[Residual]]:
-    groups: dict[tuple[str, str], list[Residual]] = {}
-    for residual in residuals:
-        key = (residual.piece.equation.value, residual.piece.track.procedure.value)
-        groups.setdefault(key, []).append(residual)
-    return groups
 
 
 def _slope(selection: Selection) -> list[Open]:

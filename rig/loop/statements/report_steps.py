@@ -13,10 +13,10 @@ from rig.loop.fitting.intervals import covariance, quantile
 from rig.loop.fitting.normal import LinearPiece
 from rig.loop.model.equations import Equation
 from rig.loop.model.frames import turned, turned_shape, wrapped
-from rig.loop.model.shapes import ShapeTerm, units_of
-from rig.loop.model.terms import Line
+from rig.loop.model.shapes import ShapeClass, ShapeTerm, units_of
+from rig.loop.model.terms import Line, TermClass
 from rig.loop.result import Estimate, LineResult, Shift, Step
-from rig.loop.search.decision import Decision
+from rig.loop.search.decision import Decision, lines_of
 
 Floats = NDArray[np.float64]
 
@@ -32,9 +32,9 @@ def steps_of(
     spread, factor = covariance(final), quantile(final)
     made = []
     for decision in decisions:
-        numbers = [n for n, line in enumerate(final.model.lines) if line.kind == decision.kind]
+        numbers = lines_of(decision, decisions, final.model.lines)
         numbers.sort(key=lambda n: -final.model.lines[n].amplitude)
-        equation = primary_equation(decision, final)
+        equation = primary_equation(decision.kind, final)
         parameters: dict[str, Estimate] = {}
         lines = []
         for rank, number in enumerate(numbers, start=1):
@@ -70,10 +70,10 @@ def steps_of(
     return tuple(made)
 
 
-def primary_equation(decision: Decision, final: Fit) -> Equation:
+def primary_equation(kind: TermClass | ShapeClass, final: Fit) -> Equation:
     """Give the equation in which the term is reported: the one of its balance that the logs allow."""
     present = {item.equation for item in final.about}
-    wanted = decision.kind.equation
+    wanted = kind.equation
     if wanted in present:
         return wanted
     for other in (Equation.MOTOR_CURRENT, Equation.MOTOR_TORQUE, Equation.OUTPUT_TORQUE):

@@ -25,6 +25,7 @@ from rig.loop.files.views_file import (
 from rig.loop.model.curves import ANGLES
 from rig.loop.model.equations import Equation
 from rig.loop.model.evaluation import Evaluation
+from rig.loop.model.frames import NEGATED
 from rig.loop.model.prediction import Model, predict
 from rig.loop.statements.angle_spectrum import Signal, amplitudes
 from rig.loop.statements.metrics import Residual
@@ -139,7 +140,7 @@ class _Seen:
         return self.sign * self.pair.after.values
 
     def _signed(self, name: str, values: Floats) -> Floats:
-        return self.sense * values if name.startswith("motor_") and name != "motor_temperature" else values
+        return self.sense * values if name in NEGATED else values
 
 
 def views_of(pairs: Sequence[Pair], model: Model, added: Sequence[Added], runs: Sequence[RunFacts], dut: Dut) -> Views:

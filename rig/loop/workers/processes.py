@@ -158,8 +158,8 @@ def _picklable(error: Exception) -> Exception:
     """Give the error itself where it can travel, or one that says the same."""
     try:
         again = pickle.loads(pickle.dumps(error))
-        if type(again) is type(error) and str(again) == str(error):
-            return error
-    except Exception:
-        pass
+    except Exception:  # whatever an error's own class does when it is copied
+        again = None
+    if type(again) is type(error) and str(again) == str(error):
+        return error
     return RuntimeError("".join(traceback.format_exception(error)))

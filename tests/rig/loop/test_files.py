@@ -1,6 +1,7 @@
 """model.json, predictions, table and plot of one small campaign."""
 
 import json
+import math
 import re
 from dataclasses import replace
 from functools import cache
@@ -20,7 +21,7 @@ from rig.loop.files.model_storage import load_model, write_model
 from rig.loop.model.parameters import parameter_table
 from rig.loop.plot import plot_loop
 from rig.loop.predict import predict_run, write_predictions
-from rig.loop.result import MEANINGS, LoopResult, Verdict
+from rig.loop.result import MEANINGS, LoopResult, Open, Verdict
 from rig.loop.table import BASE_PARTS, remaining_table, text_of
 from rig.loop.trace import trace
 from sim_backend.model.compliance import LAWS, Compliance
@@ -36,6 +37,15 @@ def result() -> LoopResult:
 def test_a_model_file_comes_back_as_it_was_written(tmp_path: Path) -> None:
     write_model(result().model, tmp_path / "model.json")
     assert load_model(tmp_path / "model.json") == result().model
+
+
+def test_numbers_that_are_not_finite_are_null_wherever_they_stand() -> None:
+    evidence = {"rho": math.nan, "events": [{"rad": math.inf}], "pairs": 2}
+    strange = Open(Verdict.UNCONTROLLED, evidence, times=(math.nan, 1.0))
+    text = json.dumps(replace(result(), open=(strange,)).to_json(), allow_nan=False)
+    (told,) = json.loads(text)["open"]
+    assert told["evidence"] == {"rho": None, "events": [{"rad": None}], "pairs": 2}
+    assert told["times"] == [None, 1.0]
 
 
 @pytest.mark.parametrize("last", ["plot_loop", "write_views", "text_of"])

@@ -1,17 +1,22 @@
 """The loop on logs that lack signals, are short, or come with a wrong device file: a statement, never a guess."""
 
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 import pytest
 
 from drivers.errors import DataError
-from rig.log.run import Run
+from rig.log.run import ProcedureName, Run
 from rig.log.timeline import averaged
 from rig.loop.campaign import LoopOptions
+from rig.loop.model.equations import pieces_of
+from rig.loop.model.prediction import predict
 from rig.loop.result import LoopResult, Verdict
-from rig.loop.trace import trace
-from tests.independent.campaign import DUT, Campaign, Plan
+from rig.loop.signals.tracks import make_track
+from rig.loop.trace import start_model, trace
+from sim_backend.model.compliance import Compliance
+from tests.independent.campaign import DUT, STANDARD, Campaign, Plan
 from tests.independent.effects import Effects, Line
 from tests.rig.loop.runs import dut, make_run, runs_of, turning_run
 
@@ -191,3 +196,50 @@ def test_a_phase_is_no_better_known_than_the_zeros_of_the_runs() -> None:
     phase = step.parameters["phase"].ci95
     assert phase is not None
     assert 0.5 * (phase[1] - phase[0]) > 0.02 / np.sqrt(7)
+
+
+@pytest.mark.timeout(300)
+def test_a_line_that_may_be_the_encoder_s_is_told_apart_from_one_that_is_the_gear_s_alone() -> None:
+    lines = (Line(2.0, 1e-4, 0.3), Line(1.0, 4e-5, 1.0))
+    runs, held_out = runs_of(Campaign(21, Effects(kinematic_error=lines), plan=STANDARD))
+    result = trace(runs, dut(), LoopOptions(held_out=held_out))
+    told = {step.effect: [round(line.order, 3) for line in step.lines] for step in result.steps}
+    assert told == {"kinematic-error": [2.0], "ambiguous:kinematic-error|motor-encoder-eccentricity": [1.0]}
+    assert result.verdict is Verdict.AMBIGUOUS
+
+
+@pytest.mark.parametrize("procedure", ["locked-output", "other"])
+def test_a_run_without_a_sample_has_a_track_without_one(procedure: str) -> None:
+    nothing = np.zeros(0)
+    names = ("motor_position", "output_position", "motor_torque", "output_torque")
+    track = make_track(make_run("empty", procedure, nothing, dict.fromkeys(names, nothing)), dut())
+    assert track.size == 0
+
+
+def test_a_speed_is_the_motor_s_only_where_the_log_knows_of_a_motor() -> None:
+    run = turning_run("a", 3)
+    of_output = {name: run.signals[name] for name in ("output_position",)}
+    torque = {"output_torque": np.sign(np.gradient(run.signals["output_position"]))}
+    for signals, speed in ((run.signals, "motor_velocity"), (of_output | torque, "output_velocity")):
+        track = make_track(replace(run, signals=MappingProxyType(dict(signals))), dut())
+        model = start_model(dut(), 100.0, Compliance.ARCTAN, None)
+        (known,) = {
+            frozenset(predict(piece, model).signals) & {"motor_velocity", "output_velocity"}
+            for piece in pieces_of(track, 100.0)
+        }
+        assert known == {speed}
+
+
+def test_outliers_in_the_dwell_of_a_held_out_run_make_no_leak_of_it() -> None:
+    plan = replace(SMALL, locked_pairs=0, backdrive_pairs=0, free_run_pairs=0)
+    runs, held_out = runs_of(Campaign(5, plan=plan, rate=100.0))
+    (sweep,) = (run for run in runs if run.name in held_out and run.procedure is ProcedureName.LOCKED_OUTPUT)
+    torque = sweep.signals["output_torque"].copy()
+    torque[[50, 120, 190]] += 0.3
+    odd = replace(sweep, signals=MappingProxyType({**sweep.signals, "output_torque": torque}))
+    result = trace([odd if run is sweep else run for run in runs], dut(), LoopOptions(held_out=held_out))
+    errors = result.equations["output-torque"].held_out
+    assert errors is not None
+    assert errors.floor is not None
+    assert errors.floor_ci95 is not None
+    assert errors.floor_ci95[0] < errors.rms_after < errors.floor, "the dwell is louder than the sweep"

@@ -97,6 +97,7 @@ def test_what_shows_in_few_places_is_unnamed_with_its_variable_and_shape(
 ) -> None:
     result = traced(hide, 11)
     assert [(step.verdict, step.variable, step.shape) for step in result.steps] == [(Verdict.UNNAMED, variable, shape)]
+    assert result.verdict is Verdict.UNNAMED, "what the shape explains looks like nothing else any more"
     held_out = result.equations[equation].held_out
     assert held_out is not None
     assert held_out.rms_after < 0.9 * held_out.rms_before

@@ -222,3 +222,21 @@ def test_rows_of_what_was_tried_say_their_order_and_one_of_them_was_added(tmp_pa
     assert [("added" in part, "rejected" in part) for part in words] == [(True, False), (False, True)]
     assert "order 2.5 of motor_position, torsion" in words[1]
     assert "||–||" in words[1]
+
+
+@pytest.mark.parametrize("name", ["plain", *HOSTILE])
+def test_the_report_of_silence_says_what_would_have_been_seen(tmp_path: Path, name: str) -> None:
+    silence = {
+        "replicates": [
+            {"equation": "torsion", "procedure": name, "replicate_pairs": 2, "rho": -0.25, "ljung_box_per_lag": 1.125}
+        ],
+        "smallest": [
+            {"effect": "kinematic-error", "amplitude": 5.1e-7, "unit": "rad"},
+            {"effect": name, "amplitude": None, "unit": name},
+        ],
+    }
+    content = loop_content(name, verdict="none", effects=[], steps=[], open=[], none=silence)
+    page = report(write_folder(tmp_path / "loop", name, loop=content))
+    assert set(page.tags) <= TAGS
+    for told in ("What would have been seen", "kinematic-error", "510 nrad", "−0.25", "1.12"):
+        assert told in page.text, told

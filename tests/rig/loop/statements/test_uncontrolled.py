@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import DataError
+from rig.log.run import ProcedureName
 from rig.loop.campaign import LoopOptions
 from rig.loop.result import Verdict
 from rig.loop.statements.metrics import floor_of, residual_of
@@ -25,6 +26,21 @@ COUNT = 2.0 * math.pi / 16384
 
 AT = 20.0
 """s at which a run goes wrong."""
+
+
+def test_an_odd_run_of_no_procedure_is_told_without_a_command_that_repeats_it():
+    made = recorded(21)
+    runs = [as_run(item) for item in made]
+    for place, run in enumerate(runs):
+        if run.procedure is ProcedureName.FREE_RUN:
+            runs[place] = replace(run, procedure=ProcedureName.OTHER)
+        if run.name == "free-run-01b":
+            runs[place] = changed(runs[place], "motor_position", lambda t: np.where(t > AT, -30 * COUNT, 0.0))
+    result = trace(runs, dut(), LoopOptions(held_out=held_out(made)))
+    (told,) = (item for item in result.open if item.verdict is Verdict.UNCONTROLLED)
+    assert told.evidence["procedure"] == "other"
+    assert told.next_experiment.command == ""
+    assert "free-run-01b is the odd one" in told.next_experiment.why
 
 
 def test_a_run_that_lost_counts_is_named_with_time_and_counts_and_is_to_be_repeated():
