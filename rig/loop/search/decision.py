@@ -34,13 +34,13 @@ class Decision:
         return "ambiguous:" + "|".join(self.members) if self.members else self.kind.id
 
 
-def lines_of(decision: Decision, decisions: Sequence[Decision], lines: Sequence[Line]) -> list[int]:
+def lines_decided(decision: Decision, decisions: Sequence[Decision], lines: Sequence[Line]) -> list[int]:
     """Give the numbers of the lines that a decision is about, of `decisions` in all."""
     own = [number for number, line in enumerate(lines) if line.kind == decision.kind]
     if decision.order is not None:
         return [number for number in own if math.isclose(lines[number].order, decision.order, rel_tol=SAME_ORDER)]
     apart = [one for one in decisions if one.kind == decision.kind and one.order is not None]
-    return [number for number in own if not any(number in lines_of(one, (), lines) for one in apart)]
+    return [number for number in own if not any(number in lines_decided(one, (), lines) for one in apart)]
 
 
 @dataclass(frozen=True, slots=True)

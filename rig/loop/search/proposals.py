@@ -34,7 +34,7 @@ _BALANCE = {Equation.TORSION: Entry.ANGLE_ONLY, Equation.OUTPUT_TORQUE: Entry.OU
 KINEMATIC_ERROR, USUAL_ERRORS = "kinematic-error", (2.0, 4.0)
 """Cycles per motor turn of a strain wave gear's kinematic error: twice, as the wave generator has two lobes, and its
 harmonic. They are tried whatever stands out more: counts that beat with the samples do so at any order.
-Source: T. D. Tuttle and W. P. Seering, IEEE Trans. Robot. Autom. 12 (1996) 368-374."""
+Source: Castejon 2009, (17) to (19), whose largest coefficient is b_2; T. D. Tuttle, MIT AI-TR 1365 (1992)."""
 
 SUBDIVISION = "encoder-subdivision-error"
 LEAST_LINES = 16

@@ -12,7 +12,7 @@ from dataclasses import replace
 from rig.loop.fitting.fit import Fit, Material
 from rig.loop.model.prediction import Model
 from rig.loop.search.contenders import by_joint_fit
-from rig.loop.search.decision import Accepted, Decision, Limit, Selection, Unadded, lines_of
+from rig.loop.search.decision import Accepted, Decision, Limit, Selection, Unadded, lines_decided
 from rig.loop.search.groups import QUOTIENT
 from rig.loop.search.limits import limits_of
 from rig.loop.search.line_candidates import LineCandidate, line_candidates
@@ -83,7 +83,7 @@ def select(
 def _still_there(decisions: Sequence[Decision], model: Model) -> list[Decision]:
     """Give the decisions whose terms the model still has."""
     kinds = {term.kind for term in model.shapes}
-    return [one for one in decisions if one.kind in kinds or lines_of(one, decisions, model.lines)]
+    return [one for one in decisions if one.kind in kinds or lines_decided(one, decisions, model.lines)]
 
 
 def _round(

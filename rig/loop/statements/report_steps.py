@@ -16,7 +16,7 @@ from rig.loop.model.frames import turned, turned_shape, wrapped
 from rig.loop.model.shapes import ShapeClass, ShapeTerm, units_of
 from rig.loop.model.terms import Line, TermClass
 from rig.loop.result import Estimate, LineResult, Shift, Step
-from rig.loop.search.decision import Decision, lines_of
+from rig.loop.search.decision import Decision, lines_decided
 
 Floats = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ def steps_of(
     spread, factor = covariance(final), quantile(final)
     made = []
     for decision in decisions:
-        numbers = lines_of(decision, decisions, final.model.lines)
+        numbers = lines_decided(decision, decisions, final.model.lines)
         numbers.sort(key=lambda n: -final.model.lines[n].amplitude)
         equation = primary_equation(decision.kind, final)
         parameters: dict[str, Estimate] = {}
