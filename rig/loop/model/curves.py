@@ -179,16 +179,22 @@ def curve_of(effect: str, enters: str, parameters: Set[str], values: Mapping[str
     if factor and shape != Shape.PRODUCT:
         return None
     at = [values.get(f"at_{k + 1}", math.nan) for k in range(knots)]
-    return Curve(Enters(place), variable, forms[0], factor, knots, zero_of(at) if forms[0] is Form.CURVE else -1)
+    zero = zero_of(at, Enters(place), factor) if forms[0] is Form.CURVE else -1
+    if values.get(f"value_{zero + 1}", 0.0) != 0.0:
+        zero = -1
+    return Curve(Enters(place), variable, forms[0], factor, knots, zero)
 
 
-def zero_of(at: Sequence[float]) -> int:
+def zero_of(at: Sequence[float], enters: Enters, factor: str) -> int:
     """Give the knot at which a curve is 0: the one nearest to zero, -1 where all lie on one side of it.
 
     A temperature or a voltage has no natural zero: a constant counts, where anything acts on more than one equation.
+    Not so in an angle times the torque: there a constant is the flexspline's compliance, and the middle knot is 0.
     """
     knots = np.asarray(at)
-    return int(np.argmin(np.abs(knots))) if knots.size and knots.min() <= 0.0 <= knots.max() else -1
+    if knots.size and knots.min() <= 0.0 <= knots.max():
+        return int(np.argmin(np.abs(knots)))
+    return knots.size // 2 if factor and enters is Enters.TORSION else -1
 
 
 def basis(curve: Curve, at: Sequence[float], signals: Mapping[str, Floats], step: float) -> Floats:

@@ -145,17 +145,22 @@ def small_beats(order: float, amplitude: float, items: Held[LinearPiece], variab
     return False
 
 
-def counts_pass(frequencies: Sequence[float], items: Held[LinearPiece], counts: Mapping[str, float]) -> bool:
+def counts_pass(
+    frequencies: Sequence[float], size: float, items: Held[LinearPiece], encoders: Mapping[str, tuple[float, float]]
+) -> bool:
     """Whether an encoder's counts pass by at one of these (Hz) for a noticeable part of the sweeps.
 
-    A slow sweep at a constant rate makes a sawtooth in time of the count, which is no resonance. `counts`: per
-    revolution, by the signal of the angle.
+    A slow sweep at a constant rate makes a sawtooth in time of the count, which is no resonance; what rings by more
+    than a count is. `size`: rad at the output at most. `encoders`: counts per revolution, and what one of them is at
+    the output (rad), by the signal of the angle.
     """
     if not frequencies:
         return False
-    for signal, per_turn in counts.items():
+    for signal, (per_turn, count) in encoders.items():
+        if size > count:
+            continue
         seen = items.map(_passing, signal, per_turn, frequencies)
-        passing, total = sum(near for near, _ in seen), sum(count for _, count in seen)
+        passing, total = sum(near for near, _ in seen), sum(swept for _, swept in seen)
         if total and np.any(passing > NOTICEABLE * total):
             return True
     return False

@@ -39,6 +39,10 @@ FINEST_DAMPING = 0.02
 LOWEST_FREQUENCY = 0.3
 """Damping ratio with which a resonance is looked for, and from which frequency (Hz); neighbours overlap."""
 
+BELOW_SAMPLING, LEFT_BY_MEANS = 0.4, 0.8
+"""Cycles a sample of the log, and cycles a mean of samples, up to which it is looked for: means fold a frequency above
+half of theirs, as the model's means of a ringing do, and leave a quarter of its size at that one."""
+
 REFINED = 0.5
 """Share of the best gain from which on an effect's parameters are refined."""
 
@@ -68,12 +72,16 @@ class ShapeTrial:
 
 @dataclass(frozen=True, slots=True)
 class Scales:
-    """Sizes of a campaign: largest torque N*m, largest speed rad/s, longest run and longest sample period s."""
+    """Sizes of a campaign: largest torque N*m, largest speed rad/s, longest run and longest sample period s.
+
+    `highest`: frequency (Hz) up to which a ringing is looked for.
+    """
 
     torque: float
     speed: float
     longest: float
     period: float
+    highest: float
     known: Mapping[str, float]
 
 
@@ -111,16 +119,27 @@ def _best_of(ground: Ground, terms: Sequence[ShapeTerm]) -> ShapeTerm:
 def scales_of(items: Held[LinearPiece], known: Mapping[str, float]) -> Scales:
     """Measure the campaign. `known`: parameters that no fit estimates, by name."""
     measured = items.map(_scales)
-    torque, speed, longest, period = (max(values, default=0.0) for values in zip(*measured, strict=True))
-    return Scales(torque, speed, longest, period, {"full_scale": max(torque, 1e-9), **known})
+    torque, speed, longest, period, highest = (max(values, default=0.0) for values in zip(*measured, strict=True))
+    return Scales(torque, speed, longest, period, highest, {"full_scale": max(torque, 1e-9), **known})
 
 
-def _scales(item: LinearPiece) -> tuple[float, float, float, float]:
+def _scales(item: LinearPiece) -> tuple[float, float, float, float, float]:
     track = item.piece.track
     if not track.size:
-        return 0.0, 0.0, 0.0, track.step
+        return 0.0, 0.0, 0.0, track.step, 0.0
     torque = 0.0 if track.T is None else float(np.abs(track.T).max())
-    return torque, float(np.abs(track.speed).max()), float(np.ptp(track.time)), track.step
+    highest = min(BELOW_SAMPLING * track.fine, LEFT_BY_MEANS) / track.period
+    return torque, float(np.abs(track.speed).max()), float(np.ptp(track.time)), track.step, highest
+
+
+def largest_of(ground: Ground, term: ShapeTerm) -> float:
+    """Give the largest size of what a term adds to the signals of any piece, in its unit."""
+    return max(ground.fit.linear.map(_largest, term), default=0.0)
+
+
+def _largest(item: LinearPiece, term: ShapeTerm) -> float:
+    added = addition(term, item.evaluation.signals, item.piece.track.step)
+    return 0.0 if added is None else float(np.abs(added).max(initial=0.0))
 
 
 def shape_of(term: ShapeTerm) -> ColumnsOf:
@@ -200,8 +219,7 @@ def _values(name: str, unit: str, typical: float, scales: Scales) -> tuple[float
         case "s":
             return tuple(lag for lag in LAGS if lag < 2.0 * scales.longest)
         case "Hz":
-            highest = 0.4 / max(scales.period, 1e-6)
-            count = math.ceil(math.log(max(highest / LOWEST_FREQUENCY, 1.0)) / (2.0 * FINEST_DAMPING))
+            count = math.ceil(math.log(max(scales.highest / LOWEST_FREQUENCY, 1.0)) / (2.0 * FINEST_DAMPING))
             return tuple(LOWEST_FREQUENCY * math.exp(2.0 * FINEST_DAMPING * k) for k in range(count))
         case _:
             return (FINEST_DAMPING,) if name == "damping" else (typical,)

@@ -24,12 +24,12 @@ from rig.loop.search.acceptance import (
     unpaid_by,
 )
 from rig.loop.search.aliases import counts_pass
-from rig.loop.search.compliance_form import other_compliance
+from rig.loop.search.compliance_form import like_form, other_compliance
 from rig.loop.search.contenders import explained_by
 from rig.loop.search.decision import Accepted, Decision, Unadded
 from rig.loop.search.groups import LEAST_SLOPE, NESTED, QUOTIENT, SET_SHARE
 from rig.loop.search.line_candidates import LineCandidate, best_of_classes
-from rig.loop.search.shape_trials import Scales, ShapeTrial, scales_of, shape_of, shape_trials
+from rig.loop.search.shape_trials import Scales, ShapeTrial, largest_of, scales_of, shape_of, shape_trials
 from rig.loop.search.trial import Ground, consistent_shape, explain_the_same, prepare, try_columns
 from rig.loop.search.tried import by_gain, tried_line, tried_shape
 from sim_backend.model.effects import Enters
@@ -51,11 +51,16 @@ def shape_candidates(pieces: Material, ground: Ground, known: Mapping[str, float
     """Give how every effect that is no line explains what is left, best first."""
     scales, fitted = _scales(ground, known), ground.fit
     sparse = prepare(fit(pieces.few, fitted.model, fitted.noise, passes=0, block=fitted.block))
-    counts = {signal: known[name] for signal, name in COUNTS.items() if name in known}
+    at_output = {"motor_position": 1.0 / known.get("ratio", 1.0), "output_position": 1.0}
+    encoders = {
+        signal: (known[name], at_output[signal] * 2.0 * np.pi / known[name])
+        for signal, name in COUNTS.items()
+        if name in known
+    }
     return [
         item
         for item in shape_trials(ground, sparse, scales, least)
-        if not counts_pass(item.term.frequencies, ground.fit.linear, counts)
+        if not counts_pass(item.term.frequencies, largest_of(ground, item.term), ground.fit.linear, encoders)
         and not _is_slight(item)
         and _is_in_reach(item, scales)
     ]
@@ -125,7 +130,8 @@ def judge_shape(
         and peer.trial.label not in apart
         and explain_the_same(ground, candidate.columns, peer.columns)
     }
-    near |= {form.label} if form.gain >= SET_SHARE * trial.gain else set()
+    alike = like_form(ground.fit) if form.gain >= SET_SHARE * trial.gain else ()
+    near |= {form.label, *(one.effect.id for one in alike)} if form.gain >= SET_SHARE * trial.gain else set()
     near |= set(QUOTIENT) - {term.effect.id} if term.effect.id in QUOTIENT else set()
     if form.gain > trial.gain / BEST_SHARE:
         return unadded("another shape explains more")
@@ -152,6 +158,7 @@ def judge_shape(
     verdict = Verdict.AMBIGUOUS if near else Verdict.NAMED
     ordered = by_gain(item for item in tried if item.gain > 0)
     rivals = [x.term for x in shapes if x.term.effect.id in near and x.term.effect.id not in QUOTIENT]
+    rivals = [*(one for one in alike if one.kind not in {x.kind for x in (term, *rivals)}), *rivals]
     kind, best = _best_member(pieces, ground, term, joint, rivals[:MOST_MEMBERS])
     return Accepted(Decision(kind, verdict, members, ordered, p_value), best)
 

@@ -129,7 +129,8 @@ def curves(ground: Ground, scales: Scales) -> list[ShapeTerm]:
 
 
 def _at_zero(enters: Enters, variable: str, form: Form, factor: str, at: tuple[float, ...]) -> ShapeTerm:
-    curve = Curve(enters, variable, form, factor, len(at), zero_of(at) if form is Form.CURVE else -1)
+    zero = zero_of(at, enters, factor) if form is Form.CURVE else -1
+    curve = Curve(enters, variable, form, factor, len(at), zero)
     return ShapeTerm(curve, (*at, *(0.0 for _ in curve.parameters[len(at) :])))
 
 
@@ -345,7 +346,7 @@ def _left_out(joint: Fit) -> float:
 
 def _may_be_added(item: ShapeTrial, alpha: float) -> bool:
     """Whether a curve is worth a joint fit: no chance, large enough, and paying when runs are left out, or large."""
-    if objection(item.trial.share, LEAST_CURVE_SHARE, room=True):
+    if item.trial.gain <= 0.0 or objection(item.trial.share, LEAST_CURVE_SHARE, room=True):
         return False
     large = item.trial.share >= LARGE_SHARE
     return large or (item.trial.single_p * item.tests <= alpha and not unpaid_by(item.trial))
@@ -374,7 +375,9 @@ def _better_curve(
     ]
     if not trials:
         return None
-    ranked = by_joint_fit(pieces.few, without, [trials[0], ShapeTrial(term, own, 1.0)], alpha)
+    # what the base takes up nearly all of has no gain before the joint fit, and yet may be the whole truth
+    contends = replace(own, gain=max(own.gain, trials[0].trial.gain))
+    ranked = by_joint_fit(pieces.few, without, [trials[0], ShapeTrial(term, contends, 1.0)], alpha)
     gains = {item.term is term: item.trial.gain for item in ranked}
     if gains[False] * BEST_SHARE <= gains[True]:
         return None

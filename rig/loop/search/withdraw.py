@@ -8,7 +8,9 @@ import numpy as np
 from rig.loop.fitting.fit import Fit, Material, fit, refit
 from rig.loop.fitting.intervals import covariance, quantile
 from rig.loop.fitting.normal import LinearPiece
+from rig.loop.model.shapes import ShapeTerm
 from rig.loop.model.terms import Line, TermClass
+from rig.loop.search.acceptance import pays_jointly
 from rig.loop.search.shape_trials import shape_of
 from rig.loop.search.trial import prepare, try_columns, try_line
 
@@ -23,11 +25,17 @@ def _withdraw_shapes(pieces: Material, current: Fit, alpha: float) -> Fit:
         here = next(x for x in current.model.shapes if x.kind == kind)
         shapes = tuple(x for x in current.model.shapes if x is not here)
         without = fit(pieces.all, replace(current.model, shapes=shapes), current.noise, passes=3, block=current.block)
-        ground = prepare(without)
-        trial = try_columns(ground, here.effect.id, shape_of(here))
-        if trial.single_p > alpha or trial.pays <= 0.0:
+        if not _pays(without, current, here, alpha):
             current = refit(pieces, current, without.model)
     return current
+
+
+def _pays(without: Fit, current: Fit, here: ShapeTerm, alpha: float) -> bool:
+    """Whether an effect still pays; of what the base takes up nearly all, only the joint fits tell."""
+    trial = try_columns(prepare(without), here.effect.id, shape_of(here))
+    if trial.gain <= 0.0:
+        return pays_jointly(without, current)
+    return trial.single_p <= alpha and trial.pays > 0.0
 
 
 def withdraw_lines(pieces: Material, current: Fit, alpha: float) -> Fit:

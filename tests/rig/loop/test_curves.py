@@ -43,7 +43,7 @@ def start() -> Model:
 
 
 def curve(form: Form, at: tuple[float, ...] = (), variable: str = "output_torque", factor: str = "") -> Curve:
-    zero = zero_of(at) if form is Form.CURVE else -1
+    zero = zero_of(at, Enters.TORSION, factor) if form is Form.CURVE else -1
     return Curve(Enters.TORSION, variable, form, factor, len(at), zero)
 
 
@@ -64,12 +64,21 @@ def test_a_curve_of_what_has_no_zero_may_be_a_constant() -> None:
 
 
 def test_a_curve_times_a_factor_is_multiplied_and_a_friction_by_its_size() -> None:
-    at = (20.0, 60.0)
+    at = (-20.0, 60.0)
     plain = basis(curve(Form.CURVE, at, "temperature"), at, SIGNALS, STEP)
     times = curve(Form.CURVE, at, "temperature", "output_torque")
     assert np.allclose(basis(times, at, SIGNALS, STEP), plain * TORQUE[:, None])
     friction = replace(times, enters=Enters.FRICTION)
     assert np.allclose(basis(friction, at, SIGNALS, STEP), plain * np.abs(TORQUE)[:, None])
+
+
+def test_an_angle_times_the_torque_changes_with_its_variable_as_a_constant_is_the_flexspline_s_own() -> None:
+    at = (20.0, 40.0, 60.0)
+    times = curve(Form.CURVE, at, "temperature", "output_torque")
+    assert times.amplitudes == ("value_1", "value_3")
+    found = basis(times, at, SIGNALS, STEP) @ np.array([-1.0, 1.0])
+    assert np.allclose(found, TORQUE * (SIGNALS["temperature"] - 40.0) / 20.0)
+    assert zero_of(at, Enters.FRICTION, "output_torque") == -1
 
 
 def test_a_level_of_friction_times_the_load_while_turning_is_nothing_where_the_motor_is_held() -> None:
@@ -159,7 +168,8 @@ def test_a_curve_is_known_again_from_the_names_in_a_model_file(form: Form) -> No
     at = AT.get(form, ())
     variable, factor = ("motor_position", "output_torque") if form is Form.WAVE else ("output_torque", "")
     one = curve(form, at, variable, factor)
-    values = {p.name: at[k] if k < len(at) else 1.0 for k, p in enumerate(one.parameters)}
+    known = dict(zip((p.name for p in one.parameters), at, strict=False))
+    values = {p.name: known.get(p.name, 0.0 if p.known else 1.0) for p in one.parameters}
     assert curve_of(one.id, one.place, values.keys(), values) == one
     assert (form in WITHOUT_KNOTS) == (not at)
     assert form in SHAPES

@@ -41,6 +41,26 @@ def test_a_modulation_of_the_stiffness_seen_at_one_start_angle_is_a_set_with_wha
     assert {"stiffness-modulation", "kinematic-error"} <= set(step.members)
 
 
+def test_a_fixture_that_yields_in_every_run_is_a_set_with_the_flexspline() -> None:
+    plan = replace(
+        LEAN, locked_angles=8, locked_pairs=2, backdrives=0, backdrive_pairs=0, free_runs=0, free_run_pairs=0
+    )
+    hidden = Effects(others=(term("fixture-compliance", amplitude=3.6e-5),))
+    result = traced(hidden, plan, 48)
+    (step,) = result.steps
+    assert step.verdict is Verdict.AMBIGUOUS
+    assert {"fixture-compliance", "flexspline-compliance"} <= set(step.members)
+
+
+def test_a_frame_that_rings_faster_than_half_the_rate_of_the_means_is_named_with_its_frequency() -> None:
+    hidden = Effects(others=(term("structural-resonance", amplitude=7e-6, frequency=27.0, damping=0.03),))
+    (step,) = traced(hidden, LEAN, 49).steps
+    assert step.effect == "structural-resonance"
+    frequency = step.parameters["frequency"].ci95
+    assert frequency is not None
+    assert frequency[0] < 27.0 < frequency[1]
+
+
 @pytest.mark.timeout(300)
 def test_a_transducer_that_drifts_is_named_under_coloured_noise_though_a_free_run_takes_only_its_mean() -> None:
     hidden = Effects(others=(term("torque-sensor-drift", per_kelvin=4e-3, per_second=-1.2e-5, reference=25.0),))
