@@ -11,12 +11,12 @@ from drivers.errors import DataError
 from rig.log.names import safe_name, writable_folder
 from rig.log.run import Run
 from rig.loop.files.model_file import Model as ModelFile
+from rig.loop.fitting.base import start_model
 from rig.loop.model.equations import Piece, pieces_of, target_of
 from rig.loop.model.evaluation import Evaluation
 from rig.loop.model.prediction import Model, predict
 from rig.loop.signals.checks import check_gear
 from rig.loop.signals.tracks import make_track
-from rig.loop.trace import start_model
 
 Floats = NDArray[np.float64]
 

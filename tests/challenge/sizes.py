@@ -14,12 +14,12 @@ import numpy as np
 
 from rig.config.dut import Dut
 from rig.log.run import Run
-from rig.loop.fitting.fit import Fit, fit
+from rig.loop.fitting.base import fit_base, settled_pieces, start_model
+from rig.loop.fitting.fit import Fit, fit, material
 from rig.loop.model.equations import distinct_readings, pieces_of, target_of
 from rig.loop.model.prediction import Model
 from rig.loop.signals.tracks import Track, make_track, thin_track
 from rig.loop.statements.metrics import Residual, residual_of
-from rig.loop.trace import fit_base, settled_pieces, start_model
 from rig.loop.workers.held import Here
 from sim_backend.model.compliance import Compliance
 from tests.challenge.cases import LARGEST, Case, campaign_of, scaled, together
@@ -85,7 +85,7 @@ def base_oracle(runs: Sequence[Run], out: Sequence[str], dut: Dut) -> Oracle:
     tracks = [make_track(run, dut) for run in runs if run.name not in out]
     start = start_model(dut, dut.gear.ratio, Compliance.ARCTAN, None)
     thin = [distinct_readings(piece) for track in tracks for piece in pieces_of(thin_track(track), dut.gear.ratio)]
-    base = fit_base(Here(settled_pieces(thin, start)), start)
+    base = fit_base(material(Here(settled_pieces(thin, start))), start)
     held = [make_track(run, dut) for run in runs if run.name in out]
     return Oracle(base, _rms(_residuals(tracks, base.model)), _rms(_residuals(held, base.model)))
 

@@ -28,13 +28,11 @@ def turned(line: Line, dut: Dut) -> Line:
 
 
 def _turned_phase(line: Line) -> float:
-    negated_torque = line.kind.entry is Entry.MOTOR
-    if line.kind.variable == "motor_position":
-        # sin(phase - k x) = sin(k x + pi - phase)
-        angle = math.pi - line.phase
-        negated = negated_torque or line.kind.entry in (Entry.OUTPUT_AGAINST_MOTION, Entry.MOTOR_ANGLE)
-        return angle + math.pi if negated else angle
-    return line.phase + math.pi if negated_torque else line.phase
+    # sin(phase - k x) = sin(k x + pi - phase)
+    angle = math.pi - line.phase if line.kind.variable == "motor_position" else line.phase
+    # against motion: that of the motor, which is negated; at the motor its torque is as well
+    negated = line.kind.entry in (Entry.MOTOR, Entry.MOTOR_ANGLE, Entry.OUTPUT_AGAINST_MOTION)
+    return angle + math.pi if negated else angle
 
 
 def turned_shape(term: ShapeTerm, dut: Dut) -> ShapeTerm:

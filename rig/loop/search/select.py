@@ -7,19 +7,19 @@ every other class with 90 % of the pick's gain joins the set, and then the verdi
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from rig.loop.fitting.fit import Fit, Material
 from rig.loop.model.prediction import Model
 from rig.loop.search.contenders import by_joint_fit
-from rig.loop.search.decision import Accepted, Decision, Limit, Selection, Unadded, lines_decided
+from rig.loop.search.decision import Accepted, Decision, Selection, Unadded, lines_decided
 from rig.loop.search.groups import QUOTIENT
 from rig.loop.search.limits import limits_of
 from rig.loop.search.line_candidates import LineCandidate, line_candidates
 from rig.loop.search.line_verdict import judge_line
 from rig.loop.search.shape_trials import ShapeTrial
 from rig.loop.search.shape_verdict import judge_shape, shape_candidates
-from rig.loop.search.trial import Ground, Trial, prepare
+from rig.loop.search.trial import Ground, prepare
 from rig.loop.search.unknown import unnamed
 from rig.loop.search.withdraw import withdraw, withdraw_lines
 
@@ -41,23 +41,18 @@ def select(
     current = base
     decisions: list[Decision] = []
     unadded: dict[tuple[str, int], Unadded] = {}
-    left: tuple[Fit, tuple[Trial, ...]] = (base, ())
-    limits: tuple[Limit, ...] = ()
+    here: _View | None = None
     while len(current.model.lines) < MOST_LINES:
         count = len(current.model.lines) + len(current.model.shapes)
         on_stage(f"trying every effect on what is left, {count} added so far")
-        ground = prepare(current)
-        lines = line_candidates(ground, known)
-        shapes = shape_candidates(pieces, ground, known, max((c.trial.gain for c in lines), default=0.0))
-        left = current, tuple(item.trial for item in shapes)
+        here = _look(pieces, current, known)
         present = {term.effect.id for term in current.model.shapes}
         present |= set(QUOTIENT) if present & set(QUOTIENT) else set()
         present |= {name for decision in decisions for name in decision.members}
-        shapes = [item for item in shapes if item.term.effect.id not in present]
-        shapes = by_joint_fit(pieces.few, ground, shapes, alpha)
-        accepted = _round(pieces, ground, lines, shapes, alpha, decisions, unadded)
+        shapes = [item for item in here.shapes if item.term.effect.id not in present]
+        shapes = by_joint_fit(pieces.few, here.ground, shapes, alpha)
+        accepted = _round(pieces, here.ground, here.lines, shapes, alpha, decisions, unadded)
         if accepted is None:
-            limits = () if decisions else tuple(limits_of(ground, lines, shapes, alpha))
             break
         known_lines = len(current.model.lines)
         decision, current = accepted
@@ -75,9 +70,26 @@ def select(
     if current is not named:
         current = withdraw_lines(pieces, current, alpha)
     kept = _still_there(decisions, current.model)
-    if left[0] is not current:
-        left = current, tuple(item.trial for item in shape_candidates(pieces, prepare(current), known, 0.0))
-    return Selection(current, tuple(kept), tuple(unadded.values()), left[1], limits)
+    if here is None or here.ground.fit is not current:
+        here = _look(pieces, current, known)
+    limits = () if kept else tuple(limits_of(here.ground, here.lines, here.shapes, alpha))
+    return Selection(current, tuple(kept), tuple(unadded.values()), tuple(item.trial for item in here.shapes), limits)
+
+
+@dataclass(frozen=True, slots=True)
+class _View:
+    """What is left of a fit, and everything that may explain it, alone."""
+
+    ground: Ground
+    lines: list[LineCandidate]
+    shapes: list[ShapeTrial]
+
+
+def _look(pieces: Material, current: Fit, known: Mapping[str, float]) -> _View:
+    ground = prepare(current)
+    lines = line_candidates(ground, known)
+    most = max((line.trial.gain for line in lines), default=0.0)
+    return _View(ground, lines, shape_candidates(pieces, ground, known, most))
 
 
 def _still_there(decisions: Sequence[Decision], model: Model) -> list[Decision]:

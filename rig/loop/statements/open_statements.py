@@ -18,9 +18,10 @@ from rig.loop.result import ABOVE_FLOOR, EquationResult, Json, Open, Verdict
 from rig.loop.search.acceptance import LEAST_IMPROVED, LEAST_SHAPE_SHARE
 from rig.loop.search.decision import Selection
 from rig.loop.search.groups import LEAST_SLOPE, QUOTIENT, SET_SHARE
+from rig.loop.statements.before_after import BeforeAfter
 from rig.loop.statements.channels import correlations
 from rig.loop.statements.colour import cleaned_away, slow_noise
-from rig.loop.statements.events import Event, without_events
+from rig.loop.statements.events import Event
 from rig.loop.statements.evidence import Memory, Repeats, memory, repeats
 from rig.loop.statements.metrics import (
     LEAST_DWELL,
@@ -62,20 +63,16 @@ MISSING_DWELL = f"a dwell of {LEAST_DWELL:g} s before the first motion of every 
 
 def open_statements(
     selection: Selection,
-    train: Sequence[Residual],
-    held_out: Sequence[Residual],
-    events: Sequence[tuple[Event, ...]],
+    train: Sequence[BeforeAfter],
+    held_out: Sequence[BeforeAfter],
     equations: Mapping[str, EquationResult],
     dut: Dut,
 ) -> tuple[Open, ...]:
-    """Give everything that stays open after the selection.
-
-    `train`, `held_out`: residuals after, of all runs; `events`: those of the ones and the others, in this order.
-    """
+    """Give everything that stays open after the selection. `train`, `held_out`: what all runs leave."""
     model, used = selection.fit.model, {decision.kind.variable for decision in selection.decisions}
-    runs = [*train, *held_out]
-    calm = [without_events(residual, found) for residual, found in zip(runs, events, strict=True)]
-    found = [*_events(runs, events, used), *_left_over(calm[: len(train)], train, dut, model, used)]
+    every = [*train, *held_out]
+    runs, events, calm = [x.after for x in every], [x.events for x in every], [x.calm for x in every]
+    found = [*_events(runs, events, used), *_left_over(calm[: len(train)], runs[: len(train)], dut, model, used)]
     if not any(events):  # the sum of steps looks like many things
         found += _shapes(selection)
     found += _worse(selection, equations)
@@ -86,7 +83,7 @@ def open_statements(
         *_slope(selection),
     ]
     if not found and not selection.decisions:
-        found = _without_floor([*train, *held_out], equations, dut, selection.fit.model.ratio)
+        found = _without_floor(runs, equations, dut, selection.fit.model.ratio)
     return tuple(found)
 
 

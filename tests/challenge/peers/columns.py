@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from rig.config.dut import Dut
 from rig.log.run import Run
+from rig.loop.fitting.base import known_parameters
 from rig.loop.fitting.fit import Fit
 from rig.loop.fitting.normal import LinearPiece, linearise
 from rig.loop.model.equations import pieces_of
@@ -23,7 +24,6 @@ from rig.loop.model.terms import TermClass, periodic_effects
 from rig.loop.search.shape_trials import shape_of
 from rig.loop.search.trial import line_columns
 from rig.loop.signals.tracks import make_track, thin_track
-from rig.loop.trace import known_parameters
 from sim_backend.model.effects import Effect
 
 Floats = NDArray[np.float64]

@@ -21,6 +21,7 @@ from rig.log.run import Run
 from rig.loop.campaign import LoopOptions
 from rig.loop.files.model_file import BASE_MODELS, Model, ModelBase, ModelEstimate
 from rig.loop.files.model_storage import load_model, write_model
+from rig.loop.fitting.base import start_model
 from rig.loop.model.equations import Equation, pieces_of
 from rig.loop.model.parameters import parameter_table
 from rig.loop.model.prediction import predict
@@ -28,7 +29,7 @@ from rig.loop.predict import predict_run
 from rig.loop.result import LoopResult, Verdict
 from rig.loop.signals.tracks import make_track
 from rig.loop.table import text_of
-from rig.loop.trace import start_model, trace
+from rig.loop.trace import trace
 from rig.operator import SimulatedOperator
 from rig.session import Job, Provenance, Session, Watcher, run_jobs
 from rig.simulation import simulate

@@ -17,6 +17,7 @@ from rig.loop.campaign import LoopOptions
 from rig.loop.files.model_file import Model as ModelFile
 from rig.loop.files.model_file import ModelBase, ModelEffect, ModelEstimate
 from rig.loop.files.model_storage import load_model, write_model
+from rig.loop.fitting.base import start_model
 from rig.loop.model.curves import SHAPES, TURNING_LOAD, WITHOUT_KNOTS, Curve, Form, basis, curve_of, mirrored, zero_of
 from rig.loop.model.equations import Equation, pieces_of
 from rig.loop.model.prediction import Model, predict
@@ -25,7 +26,7 @@ from rig.loop.model.terms import entry_of
 from rig.loop.predict import predict_run
 from rig.loop.result import LoopResult, Verdict
 from rig.loop.signals.tracks import make_track
-from rig.loop.trace import start_model, trace
+from rig.loop.trace import trace
 from sim_backend.model.compliance import Compliance
 from sim_backend.model.effects import CATALOGUE, Enters, Shape
 from tests.independent.campaign import Campaign, Plan

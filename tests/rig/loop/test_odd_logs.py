@@ -10,11 +10,12 @@ from drivers.errors import DataError
 from rig.log.run import ProcedureName, Run
 from rig.log.timeline import averaged
 from rig.loop.campaign import LoopOptions
+from rig.loop.fitting.base import start_model
 from rig.loop.model.equations import pieces_of
 from rig.loop.model.prediction import predict
 from rig.loop.result import LoopResult, Verdict
 from rig.loop.signals.tracks import make_track
-from rig.loop.trace import start_model, trace
+from rig.loop.trace import trace
 from sim_backend.model.compliance import Compliance
 from tests.independent.campaign import DUT, STANDARD, Campaign, Plan
 from tests.independent.effects import Effects, Line

@@ -5,23 +5,27 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from drivers.errors import DataError
 from rig.loop.campaign import LoopOptions, split_runs
+from rig.loop.fitting.base import start_model
 from rig.loop.fitting.normal import correlation_length, solve
 from rig.loop.model.equations import Equation, distinct_readings, pieces_of
+from rig.loop.model.frames import turned
 from rig.loop.model.parameters import flexspline_from_catalogue
 from rig.loop.model.prediction import predict
 from rig.loop.model.shapes import SWEPT_TORQUE, ShapeTerm, addition
-from rig.loop.model.terms import Line, line_values, periodic_effects
+from rig.loop.model.terms import Entry, Line, TermClass, line_values, periodic_effects
 from rig.loop.signals.play import play_path
 from rig.loop.signals.tracks import make_track
-from rig.loop.trace import start_model
 from sim_backend.model.arrays import evaluate
 from sim_backend.model.compliance import Compliance
 from sim_backend.model.effects import CATALOGUE
 from tests.rig.loop.runs import dut, make_run, turning_run
 from tests.slopes import evaluate_slope
+
+Floats = NDArray[np.float64]
 
 
 def test_the_catalogue_gives_the_worked_stiffness_of_the_paper() -> None:
@@ -126,6 +130,31 @@ def test_rotation_same_gives_the_torsion_of_rotation_opposed() -> None:
     two = pieces_of(make_track(same, dut(text.format("same"))), 100.0)
     assert [piece.equation for piece in one] == [piece.equation for piece in two]
     assert all(np.array_equal(a.target, b.target) for a, b in zip(one, two, strict=True))
+
+
+@pytest.mark.parametrize("variable", ["motor_position", "output_position"])
+@pytest.mark.parametrize("entry", Entry)
+def test_a_line_adds_the_same_in_the_frame_of_the_log_and_in_that_of_computing(entry: Entry, variable: str) -> None:
+    rng = np.random.default_rng(4)
+    angle, motion, motor_torque = rng.uniform(-9.0, 9.0, 50), np.sign(rng.standard_normal(50)), rng.standard_normal(50)
+    line = Line(TermClass(None, entry, variable), 3.0, 0.7, -0.4)
+    same = dut('name = "x"\n[gear]\nratio = 100\nrotation = "same"\n')
+    of_motor = -1.0 if variable == "motor_position" else 1.0
+
+    def added(of: Line, x: Floats, sign: float) -> Floats:
+        times = {
+            Entry.MOTOR_AGAINST_MOTION: sign * motion,
+            Entry.OUTPUT_AGAINST_MOTION: sign * motion,
+            Entry.MOTOR_TIMES_TORQUE: sign * motor_torque,
+        }
+        value = of.sine * np.sin(of.order * x) + of.cosine * np.cos(of.order * x)
+        return np.asarray(times.get(entry, 1.0) * value)
+
+    at_motor = entry in (Entry.MOTOR, Entry.MOTOR_ANGLE, Entry.MOTOR_TIMES_TORQUE, Entry.MOTOR_AGAINST_MOTION)
+    in_log = added(turned(line, same), of_motor * angle, -1.0)
+    assert np.allclose(in_log, (-1.0 if at_motor else 1.0) * added(line, angle, 1.0))
+    again = turned(turned(line, same), same)
+    assert [again.sine, again.cosine] == pytest.approx([line.sine, line.cosine])
 
 
 def test_replicates_are_held_out_together() -> None:

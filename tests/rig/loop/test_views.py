@@ -11,13 +11,14 @@ from rig.config.dut import SHD_17_100
 from rig.log.run import Run
 from rig.loop.campaign import LoopOptions
 from rig.loop.files.views_file import ResidualView, Views, write_views
+from rig.loop.fitting.base import start_model
 from rig.loop.model.equations import pieces_of
 from rig.loop.model.terms import Entry, Line, TermClass
 from rig.loop.result import LoopResult
 from rig.loop.signals.tracks import make_track
 from rig.loop.statements.metrics import residual_of
 from rig.loop.statements.views import Added, Pair, _fold, views_of
-from rig.loop.trace import start_model, trace
+from rig.loop.trace import trace
 from sim_backend.model.compliance import Compliance
 from tests.independent.campaign import Campaign, Plan
 from tests.rig.loop.runs import dut, make_run, runs_of, turning_run

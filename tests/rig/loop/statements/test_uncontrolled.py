@@ -111,7 +111,7 @@ def test_a_model_that_knows_noise_of_runs_it_has_not_seen_is_refused(noise, monk
         knows = piece.track.name in out and piece.equation.value == "motor-torque"
         return replace(found, values=0.6 * found.values) if knows else found
 
-    monkeypatch.setattr("rig.loop.trace.residual_of", leaking)
+    monkeypatch.setattr("rig.loop.statements.before_after.residual_of", leaking)
     with pytest.raises(DataError, match=r"error of motor-torque after the fit is .* below the floor") as refused:
         trace([as_run(item) for item in made], dut(), LoopOptions(held_out=out))
     assert "leak" in str(refused.value)

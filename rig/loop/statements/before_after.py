@@ -1,0 +1,100 @@
+"""The errors before and after, equation by equation, with the floor; and the refusal of one that is too good."""
+
+from collections.abc import Sequence, Set
+from dataclasses import dataclass, replace
+
+from drivers.errors import DataError
+from rig.config.dut import Dut
+from rig.log.run import Run
+from rig.loop.model.equations import Equation, pieces_of
+from rig.loop.model.prediction import Model
+from rig.loop.result import EquationResult, Errors
+from rig.loop.search.followed import up_to
+from rig.loop.signals.tracks import Track
+from rig.loop.statements.events import Event, without_events
+from rig.loop.statements.metrics import Floor, Residual, errors, floor_of, pooled, residual_of
+
+
+@dataclass(frozen=True, slots=True)
+class BeforeAfter:
+    """Residuals of one piece without and with the effects, and the single steps in the latter."""
+
+    before: Residual
+    after: Residual
+    events: tuple[Event, ...] = ()
+
+    @property
+    def calm(self) -> Residual:
+        """What is left without steps at single moments, which are no noise."""
+        return without_events(self.after, self.events)
+
+    @property
+    def run(self) -> str:
+        """Name of the run."""
+        return self.after.piece.track.name
+
+
+def before_and_after(
+    track: Track, ratio: float | None, fastest: float, before: Model, after: Model
+) -> list[BeforeAfter]:
+    """Give the residuals of a run without and with the effects, at the full rate of its log."""
+    pieces = [kept for piece in pieces_of(track, ratio) for kept in up_to(piece, fastest)]
+    return [BeforeAfter(residual_of(piece, before, after), residual_of(piece, after)) for piece in pieces]
+
+
+def equations_of(
+    sides: dict[str, list[BeforeAfter]], dut: Dut, model: Model, odd: Set[str]
+) -> dict[str, EquationResult]:
+    """Give the errors of every equation. `odd`: runs that are no replicates, whatever they are called."""
+    found = {}
+    known = [pair for pairs in sides.values() for pair in pairs]
+    for equation in Equation:
+        if not any(pair.after.piece.equation is equation for pair in known):
+            continue
+        replicates = [pair.calm for pair in known if pair.after.piece.equation is equation and pair.run not in odd]
+        results = {}
+        for side, pairs in sides.items():
+            own = [pair for pair in pairs if pair.after.piece.equation is equation]
+            results[side] = _errors_of(own, replicates, dut, model) if own else None
+        found[equation.value] = EquationResult(equation.unit, results["held_out"], results["train"])
+    return found
+
+
+def _errors_of(pairs: Sequence[BeforeAfter], known: Sequence[Residual], dut: Dut, model: Model) -> Errors:
+    by_procedure = {}
+    floors: list[tuple[Floor, int]] = []
+    complete = True
+    for procedure in dict.fromkeys(pair.after.piece.track.procedure for pair in pairs):
+        own = [pair for pair in pairs if pair.after.piece.track.procedure is procedure]
+        floor = floor_of([pair.after for pair in own], known, dut, model)
+        count = sum(pair.after.values.size for pair in own)
+        complete = complete and floor is not None
+        if floor is not None:
+            floors.append((floor, count))
+        by_procedure[procedure.value] = errors([p.before for p in own], [p.after for p in own], floor)
+    whole = errors([p.before for p in pairs], [p.after for p in pairs], pooled(floors) if complete else None)
+    return replace(whole, by_procedure=by_procedure)
+
+
+def refuse_leaks(equations: dict[str, EquationResult], held_out: Sequence[Run]) -> None:
+    """Raise DataError where the held-out error lies below what noise alone leaves.
+
+    The procedures are looked at apart only where one of them has no floor, and with it the whole none.
+    """
+    looked_at = []
+    for name, item in equations.items():
+        if item.held_out is not None and item.held_out.floor_ci95 is not None:
+            looked_at.append((name, item.unit, item.held_out))
+        elif item.held_out is not None:
+            apart = item.held_out.by_procedure.items()
+            looked_at += [(f"{name} in {procedure}", item.unit, errors) for procedure, errors in apart]
+    for name, unit, found in looked_at:
+        if found.floor_ci95 is not None and found.rms_after < found.floor_ci95[0]:
+            raise DataError(
+                ", ".join(run.name for run in held_out),
+                f"the held-out error of {name} after the fit is {found.rms_after:.4g} {unit}, below the floor "
+                f"of the instruments {found.floor_ci95[0]:.4g} to {found.floor_ci95[1]:.4g} {unit}",
+                value=found.rms_after,
+                expected="an error not below what noise alone leaves",
+                hint="A channel that is predicted may leak into a regressor, or replicates are not replicates.",
+            )
