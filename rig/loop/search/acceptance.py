@@ -18,6 +18,10 @@ LEAST_SHAPE_SHARE = 0.03
 LEAST_CURVE_SHARE = 0.1
 """The same for a shape without a name, which bends to whatever a law leaves, and for a line over the time."""
 
+BESIDE_BENT_SHARE = 0.5
+"""The same for a shape without a name where the output torque's reading errs: a sweep that is bent or late is followed
+by straight pieces, and what that leaves, far below the noise of single samples, is no effect of its own."""
+
 LARGE_SHARE = 0.1
 """Share of an equation's squares that is looked at again with shorter blocks: a slow, strong line looks like memory."""
 

@@ -45,7 +45,7 @@ LEAST_EXPECTED = 10.0
 UNSURE = 2.0
 """Standard deviations by which a term may explain less than half of what it should."""
 
-OWN = 0.5
+OWN = 0.3
 """Share of its gain that a candidate keeps at least beside another which explains something else."""
 
 PHASES, MOST_PHASES = 8, 6

@@ -19,6 +19,7 @@ from rig.loop.model.prediction import Model
 from rig.loop.model.shapes import SWEPT_TORQUE, ShapeTerm
 from rig.loop.result import Verdict
 from rig.loop.search.acceptance import (
+    BESIDE_BENT_SHARE,
     BEST_SHARE,
     FAMILIES,
     LARGE_SHARE,
@@ -240,6 +241,14 @@ def _one_of_each(trials: Sequence[ShapeTrial]) -> list[ShapeTrial]:
     return sorted(found, key=lambda item: -item.trial.gain)
 
 
+def time_last(trials: Sequence[ShapeTrial]) -> list[ShapeTrial]:
+    """Put the best that follows a signal first where it explains 95 % of what follows the time: time stands for it."""
+    signal = next((item for item in trials if item.term.effect.variable != "time"), None)
+    if signal is None or signal.trial.gain < BEST_SHARE * trials[0].trial.gain:
+        return list(trials)
+    return [signal, *(item for item in trials if item is not signal)]
+
+
 def unnamed(
     pieces: Material, current: Fit, decisions: Sequence[Decision], alpha: float, known: Mapping[str, float]
 ) -> tuple[Fit, list[Decision]]:
@@ -259,7 +268,9 @@ def unnamed(
             decisions[place] = _of_curve(better, min(1.0, better.trial.single_p * better.tests), [better])
             newest = better.term.kind
     while len({decision.kind for decision in decisions}) < MOST_CLASSES:
-        found = _best_curve(pieces, current, known, alpha)
+        bent = any(term.effect.reads == "output_torque" for term in current.model.shapes)
+        least = BESIDE_BENT_SHARE if bent else LEAST_CURVE_SHARE
+        found = _best_curve(pieces, current, known, alpha, least)
         if found is None:
             break
         best, current, p_value, tried = found
@@ -280,21 +291,24 @@ def _of_curve(best: ShapeTrial, p_value: float, tried: Sequence[ShapeTrial]) -> 
 
 
 def _best_curve(
-    pieces: Material, current: Fit, known: Mapping[str, float], alpha: float
+    pieces: Material, current: Fit, known: Mapping[str, float], alpha: float, least: float
 ) -> tuple[ShapeTrial, Fit, float, list[ShapeTrial]] | None:
-    """Give the best curve that may be added, the joint fit with it, its p-value, and all that were tried."""
+    """Give the best curve that may be added, the joint fit with it, its p-value, and all that were tried.
+
+    `least`: share of an equation's squares below which none is.
+    """
     sparse = prepare(_with(pieces.few, current, current.model))
     every = curve_trials(sparse, known)
     trials = _one_of_each(every)
     taken = {term.effect.id for term in current.model.shapes}
-    fresh = [item for item in trials if item.term.effect.id not in taken and _may_be_added(item, alpha)]
+    fresh = [item for item in trials if item.term.effect.id not in taken and _may_be_added(item, alpha, least)]
     if not fresh:
         return None
     whole = prepare(current)
-    ranked = by_joint_fit(pieces.few, sparse, fresh, alpha)
+    ranked = time_last(by_joint_fit(pieces.few, sparse, fresh, alpha))
     for contender in (x for k, x in enumerate(ranked) if k < 2 or x.trial.gain > BESIDE * ranked[0].trial.gain):
         first = try_columns(whole, contender.term.effect.id, shape_of(contender.term), ridge=RIDGE)
-        if objection(first.share, LEAST_CURVE_SHARE, room=True):
+        if objection(first.share, least, room=True):
             continue
         candidate, joint = _with_best_knots(pieces, current, contender, every)
         term, p_value = candidate.term, min(1.0, candidate.trial.single_p * candidate.tests)
@@ -302,7 +316,7 @@ def _best_curve(
         again = prepare(with_noise(current, joint.noise, SHORTEST_BLOCK))
         second = try_columns(again, term.effect.id, shape_of(term), ridge=RIDGE)
         p_value = min(1.0, 2.0 * min(p_value, second.single_p * candidate.tests))
-        if p_value > alpha or objection(second.share, LEAST_CURVE_SHARE, room=True):
+        if p_value > alpha or objection(second.share, least, room=True):
             continue
         if pays_jointly(current, joint) and consistent_shape(joint, len(joint.model.shapes) - 1):
             return candidate, joint, p_value, trials
@@ -344,9 +358,9 @@ def _left_out(joint: Fit) -> float:
     return float(joint.normal.leave_one_out(joint.prior, joint.pull).sum())
 
 
-def _may_be_added(item: ShapeTrial, alpha: float) -> bool:
+def _may_be_added(item: ShapeTrial, alpha: float, least: float) -> bool:
     """Whether a curve is worth a joint fit: no chance, large enough, and paying when runs are left out, or large."""
-    if item.trial.gain <= 0.0 or objection(item.trial.share, LEAST_CURVE_SHARE, room=True):
+    if objection(item.trial.share, least, room=True):
         return False
     large = item.trial.share >= LARGE_SHARE
     return large or (item.trial.single_p * item.tests <= alpha and not unpaid_by(item.trial))
@@ -368,7 +382,7 @@ def _better_curve(
     own = try_columns(without, term.effect.id, shape_of(term))
     trials = [
         x
-        for x in _one_of_each(curve_trials(without, known))
+        for x in time_last(_one_of_each(curve_trials(without, known)))
         if x.trial.gain * BEST_SHARE > own.gain
         and x.trial.single_p * x.tests <= alpha
         and not (objection(x.trial.share, LEAST_CURVE_SHARE, room=True) or unpaid_by(x.trial))

@@ -21,10 +21,13 @@ from rig.loop.fitting.base import start_model
 from rig.loop.model.curves import SHAPES, TURNING_LOAD, WITHOUT_KNOTS, Curve, Form, basis, curve_of, mirrored, zero_of
 from rig.loop.model.equations import Equation, pieces_of
 from rig.loop.model.prediction import Model, predict
-from rig.loop.model.shapes import units_of
+from rig.loop.model.shapes import ShapeTerm, units_of
 from rig.loop.model.terms import entry_of
 from rig.loop.predict import predict_run
 from rig.loop.result import LoopResult, Verdict
+from rig.loop.search.shape_trials import ShapeTrial
+from rig.loop.search.trial import Trial
+from rig.loop.search.unknown import time_last
 from rig.loop.signals.tracks import make_track
 from rig.loop.trace import trace
 from sim_backend.model.compliance import Compliance
@@ -174,6 +177,19 @@ def test_a_curve_is_known_again_from_the_names_in_a_model_file(form: Form) -> No
     assert curve_of(one.id, one.place, values.keys(), values) == one
     assert (form in WITHOUT_KNOTS) == (not at)
     assert form in SHAPES
+
+
+def test_what_follows_a_recorded_signal_nearly_as_well_as_the_time_is_taken_first() -> None:
+    def trial(variable: str, gain: float) -> ShapeTrial:
+        one = curve(Form.CURVE, (1.0, 2.0), variable)
+        shape = Trial(one.id, gain, 1.0, 2, np.zeros(2), {}, 1.0, 1.0)
+        return ShapeTrial(ShapeTerm(one, (1.0, 2.0, 0.0, 0.0)), shape, 1.0)
+
+    near = [trial("time", 100.0), trial("temperature", 96.0), trial("supply_voltage", 10.0)]
+    assert [x.term.effect.variable for x in time_last(near)] == ["temperature", "time", "supply_voltage"]
+    far = [trial("time", 100.0), trial("temperature", 94.0)]
+    assert time_last(far) == far
+    assert time_last([]) == []
 
 
 SMALL = Plan(locked_angles=6, locked_pairs=1, backdrives=3, backdrive_pairs=1, free_runs=2, free_run_pairs=1)

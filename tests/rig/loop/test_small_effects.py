@@ -9,7 +9,7 @@ import pytest
 from rig.loop.campaign import LoopOptions
 from rig.loop.result import LoopResult, Verdict
 from rig.loop.trace import trace
-from tests.challenge.cases import LEAN, campaign_of, make_case, scaled
+from tests.challenge.cases import LEAN, RICH, campaign_of, make_case, scaled
 from tests.challenge.outside import acting
 from tests.challenge.sizes import as_runs
 from tests.independent.campaign import STANDARD, Campaign, Plan, held_out
@@ -50,6 +50,14 @@ def test_a_fixture_that_yields_in_every_run_is_a_set_with_the_flexspline() -> No
     (step,) = result.steps
     assert step.verdict is Verdict.AMBIGUOUS
     assert {"fixture-compliance", "flexspline-compliance"} <= set(step.members)
+
+
+@pytest.mark.timeout(300)
+def test_two_effects_that_explain_much_of_the_same_are_both_named_and_no_set_of_each_other() -> None:
+    offset = term("torque-sensor-offset", amplitude=0.25)
+    loop = term("rate-dependent-hysteresis", amplitude=1.3e-6, time_constant=0.8, radius=3.4)
+    result = traced(Effects(others=(offset, loop)), RICH, 50)
+    assert set(result.effects) == {"torque-sensor-offset", "rate-dependent-hysteresis"}
 
 
 def test_a_frame_that_rings_faster_than_half_the_rate_of_the_means_is_named_with_its_frequency() -> None:
