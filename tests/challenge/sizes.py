@@ -19,7 +19,7 @@ from rig.loop.fitting.fit import Fit, fit, material
 from rig.loop.model.equations import distinct_readings, pieces_of, target_of
 from rig.loop.model.prediction import Model
 from rig.loop.signals.tracks import Track, make_track, thin_track
-from rig.loop.statements.metrics import Residual, residual_of
+from rig.loop.statements.residuals import Residual, residual_of
 from rig.loop.workers.held import Here
 from sim_backend.model.compliance import Compliance
 from tests.challenge.cases import LARGEST, Case, campaign_of, scaled, together

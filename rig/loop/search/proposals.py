@@ -60,57 +60,93 @@ def propose(ground: Ground, known: Mapping[str, float]) -> tuple[list[Proposal],
 
     Kinds are scanned apart: a few start angles of a sweep would otherwise hide a line that a turning run shows clearly.
     """
-    found: list[Proposal] = []
-    tests, fixed_tests = 0.0, 0
-    known_pieces = ground.fit.about
-    ratio = ground.fit.model.ratio
     effects = periodic_effects()
-    counts = known.get("output_encoder_counts")
-    for kind in dict.fromkeys(item.kind for item in known_pieces):
-        equation, _, moves = kind
+    proposed = []
+    for kind in dict.fromkeys(item.kind for item in ground.fit.about):
         has_motor = any(ground.fit.linear.map(_has_motor, kind))
         variable = "motor_position" if has_motor else "output_position"
-        if equation is Equation.TORSION and has_motor and not moves:
-            swept = scan(ground.fit, kind, variable, times=Times.TORQUE)
-            if swept is not None:
-                modulations = _up_to(swept, MOST_MODULATIONS)
-                tests += modulations.tests
-                products = _modulations(tops(modulations), swept.resolution, effects)
-                found += products
-                fixed_tests += sum(proposal.expected for proposal in products)
-        for times in (Times.NOTHING, Times.DIRECTION) if equation is not Equation.TORSION else (Times.NOTHING,):
-            spectrum = scan(ground.fit, kind, variable, times=times)
-            if spectrum is None:
-                continue
-            against = times is Times.DIRECTION
-            tests += spectrum.tests
-            highest = tops(spectrum)
-            if equation is Equation.TORSION and not any(item.moves for item in known_pieces):
-                highest += _low_orders(ground, effects, spectrum.resolution)
-            for peak in highest:
-                classes = _classes(equation, variable, peak.order, spectrum.resolution, ratio, effects, against=against)
-                if not moves:
-                    # in a sweep the angle follows the torque: a line that does not act back is any compliance
-                    classes = [proposal for proposal in classes if not is_nameless_angle(proposal.kind)]
-                found += [replace(proposal, height=peak.height) for proposal in classes]
-            if equation is Equation.TORSION and variable == "motor_position" and moves:
-                usual = [kind for kind in effects if kind.effect == KINEMATIC_ERROR]
-                orders = [order for order in USUAL_ERRORS if order > spectrum.resolution]
-                found += [Proposal(kind, n, spectrum.resolution, expected=True) for kind in usual for n in orders]
-                fixed_tests += len(usual) * len(orders)
-            if equation is Equation.TORSION and variable == "motor_position" and ratio is not None and moves:
-                subdivisions, tried = _subdivisions(spectrum, ratio, counts, effects)
-                found += subdivisions
-                fixed_tests += tried
-        # a sweep is the same function of the time in every run: there nothing tells the time from what is swept
-        hum = None if one_speed(ground.fit, kind) else scan(ground.fit, kind, "time", turning_only=True)
-        if hum is not None:
-            tests += hum.tests
-            slowest = max(LOWEST_FREQUENCY, FEWEST_PERIODS * hum.resolution)
-            over_time = TermClass(None, _BALANCE.get(equation, Entry.MOTOR), "time")
-            found += [Proposal(over_time, p.order, hum.resolution, p.height) for p in tops(hum) if p.order > slowest]
+        if has_motor:
+            proposed.append(_of_sweeps(ground, kind, effects))
+        proposed.append(_of_angle(ground, kind, variable, effects, known.get("output_encoder_counts")))
+        proposed.append(_of_time(ground, kind))
     fixed = [Proposal(effect, effect.fixed_order, 0.0) for effect in effects if effect.fixed_order is not None]
-    return found + fixed, FAMILIES * max(tests, 1.0), FAMILIES * max(len(fixed) + fixed_tests, 1)
+    found = [proposal for some in proposed for proposal in some.found]
+    free_tests = max(sum(some.free for some in proposed), 1.0)
+    fixed_tests = max(len(fixed) + sum(some.fixed for some in proposed), 1)
+    return found + fixed, FAMILIES * free_tests, FAMILIES * fixed_tests
+
+
+@dataclass(frozen=True, slots=True)
+class _Proposed:
+    """What one scan proposes, and among how many tests of free and of fixed order."""
+
+    found: list[Proposal]
+    free: float
+    fixed: int = 0
+
+
+_NOTHING = _Proposed([], 0.0)
+
+
+def _of_sweeps(ground: Ground, kind: Kind, effects: Sequence[TermClass]) -> _Proposed:
+    """Propose lines of the start angle that are multiplied by the swept torque."""
+    equation, _, moves = kind
+    if equation is not Equation.TORSION or moves:
+        return _NOTHING
+    swept = scan(ground.fit, kind, "motor_position", times=Times.TORQUE)
+    if swept is None:
+        return _NOTHING
+    modulations = _up_to(swept, MOST_MODULATIONS)
+    found = _modulations(tops(modulations), swept.resolution, effects)
+    return _Proposed(found, modulations.tests, sum(proposal.expected for proposal in found))
+
+
+def _of_angle(
+    ground: Ground, kind: Kind, variable: str, effects: Sequence[TermClass], counts: float | None
+) -> _Proposed:
+    """Propose lines of an angle, those of a torque also against the motion. `counts`: of the output's encoder."""
+    equation, _, moves = kind
+    found: list[Proposal] = []
+    tests, fixed_tests = 0.0, 0
+    ratio = ground.fit.model.ratio
+    for times in (Times.NOTHING, Times.DIRECTION) if equation is not Equation.TORSION else (Times.NOTHING,):
+        spectrum = scan(ground.fit, kind, variable, times=times)
+        if spectrum is None:
+            continue
+        against = times is Times.DIRECTION
+        tests += spectrum.tests
+        highest = tops(spectrum)
+        if equation is Equation.TORSION and not any(item.moves for item in ground.fit.about):
+            highest += _low_orders(ground, effects, spectrum.resolution)
+        for peak in highest:
+            classes = _classes(equation, variable, peak.order, spectrum.resolution, ratio, effects, against=against)
+            if not moves:
+                # in a sweep the angle follows the torque: a line that does not act back is any compliance
+                classes = [proposal for proposal in classes if not is_nameless_angle(proposal.kind)]
+            found += [replace(proposal, height=peak.height) for proposal in classes]
+        if equation is Equation.TORSION and variable == "motor_position" and moves:
+            usual = [effect for effect in effects if effect.effect == KINEMATIC_ERROR]
+            orders = [order for order in USUAL_ERRORS if order > spectrum.resolution]
+            found += [Proposal(effect, n, spectrum.resolution, expected=True) for effect in usual for n in orders]
+            fixed_tests += len(usual) * len(orders)
+            subdivisions, tried = _subdivisions(spectrum, ratio, counts, effects) if ratio is not None else ([], 0)
+            found += subdivisions
+            fixed_tests += tried
+    return _Proposed(found, tests, fixed_tests)
+
+
+def _of_time(ground: Ground, kind: Kind) -> _Proposed:
+    """Propose lines over the time in runs that turn at several speeds.
+
+    A sweep is the same function of the time in every run: there nothing tells the time from what is swept.
+    """
+    hum = None if one_speed(ground.fit, kind) else scan(ground.fit, kind, "time", turning_only=True)
+    if hum is None:
+        return _NOTHING
+    slowest = max(LOWEST_FREQUENCY, FEWEST_PERIODS * hum.resolution)
+    over_time = TermClass(None, _BALANCE.get(kind[0], Entry.MOTOR), "time")
+    found = [Proposal(over_time, p.order, hum.resolution, p.height) for p in tops(hum) if p.order > slowest]
+    return _Proposed(found, hum.tests)
 
 
 def _up_to(spectrum: Spectrum, highest: float) -> Spectrum:

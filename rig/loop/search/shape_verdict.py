@@ -1,7 +1,7 @@
 """The effects that are no lines: which of them explain what is left, whether one is added, and why not."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,7 +30,7 @@ from rig.loop.search.decision import Accepted, Decision, Unadded
 from rig.loop.search.groups import LEAST_SLOPE, NESTED, QUOTIENT, SET_SHARE
 from rig.loop.search.line_candidates import LineCandidate, best_of_classes
 from rig.loop.search.shape_trials import Scales, ShapeTrial, largest_of, scales_of, shape_of, shape_trials
-from rig.loop.search.trial import Ground, consistent_shape, explain_the_same, prepare, try_columns
+from rig.loop.search.trial import Ground, Trial, consistent_shape, explain_the_same, prepare, try_columns
 from rig.loop.search.tried import by_gain, tried_line, tried_shape
 from sim_backend.model.effects import Enters
 
@@ -120,20 +120,8 @@ def judge_shape(
         return None
     if term.effect.enters is Enters.TORSION and _without_windup(ground):
         return unadded("without a motor torque it cannot be told from the windup of the wave generator")
-    form = other_compliance(ground, scales_of(ground.fit.linear, {}).torque)
-    peers: list[ShapeTrial | LineCandidate] = [*(x for x in shapes if x is not candidate), *best_of_classes(lines)]
-    apart = {term.effect.id, *(name for name, within in NESTED.items() if term.effect.id in within)}
-    near = {
-        peer.trial.label
-        for peer in peers
-        if peer.trial.gain >= SET_SHARE * trial.gain
-        and peer.trial.label not in apart
-        and explain_the_same(ground, candidate.columns, peer.columns)
-    }
-    alike = like_form(ground.fit) if form.gain >= SET_SHARE * trial.gain else ()
-    near |= {form.label, *(one.effect.id for one in alike)} if form.gain >= SET_SHARE * trial.gain else set()
-    near |= set(QUOTIENT) - {term.effect.id} if term.effect.id in QUOTIENT else set()
-    if form.gain > trial.gain / BEST_SHARE:
+    rivals = _rivals(ground, candidate, lines, shapes)
+    if rivals.form.gain > trial.gain / BEST_SHARE:
         return unadded("another shape explains more")
     model = replace(ground.fit.model, shapes=(*ground.fit.model.shapes, term))
     if unpaid and not _may_pay(pieces, ground, model):
@@ -151,16 +139,52 @@ def judge_shape(
         or _consistent_beside_another(pieces, ground, candidate, shapes, alpha)
     ):
         return unadded(NOT_EVERYWHERE)
-    tried = [tried_shape(x, candidate.tests) for x in (candidate, *peers) if isinstance(x, ShapeTrial)]
-    tried += [tried_line(x, candidate.tests) for x in peers if isinstance(x, LineCandidate)]
-    tried.append(Candidate(form.label, form.gain, min(1.0, form.single_p * candidate.tests)))
-    members = tuple(sorted(near | {term.effect.id})) if near else ()
-    verdict = Verdict.AMBIGUOUS if near else Verdict.NAMED
-    ordered = by_gain(item for item in tried if item.gain > 0)
-    rivals = [x.term for x in shapes if x.term.effect.id in near and x.term.effect.id not in QUOTIENT]
-    rivals = [*(one for one in alike if one.kind not in {x.kind for x in (term, *rivals)}), *rivals]
-    kind, best = _best_member(pieces, ground, term, joint, rivals[:MOST_MEMBERS])
-    return Accepted(Decision(kind, verdict, members, ordered, p_value), best)
+    kind, best = _best_member(pieces, ground, term, joint, rivals.terms[:MOST_MEMBERS])
+    members = tuple(sorted(rivals.near | {term.effect.id})) if rivals.near else ()
+    verdict = Verdict.AMBIGUOUS if members else Verdict.NAMED
+    return Accepted(Decision(kind, verdict, members, rivals.tried, p_value), best)
+
+
+@dataclass(frozen=True, slots=True)
+class _Rivals:
+    """What stands against a candidate: `near` explains nearly as much of the same, `form` is a compliance of another.
+
+    `terms`: those of `near` that can be fitted in the candidate's place. `tried`: all, the candidate too, best first.
+    """
+
+    form: Trial
+    near: frozenset[str]
+    terms: tuple[ShapeTerm, ...]
+    tried: tuple[Candidate, ...]
+
+
+def _rivals(
+    ground: Ground, candidate: ShapeTrial, lines: Sequence[LineCandidate], shapes: Sequence[ShapeTrial]
+) -> _Rivals:
+    effect, least = candidate.term.effect.id, SET_SHARE * candidate.trial.gain
+    form = other_compliance(ground, scales_of(ground.fit.linear, {}).torque)
+    others = [x for x in shapes if x is not candidate]
+    peers: list[ShapeTrial | LineCandidate] = [*others, *best_of_classes(lines)]
+    apart = {effect, *(name for name, within in NESTED.items() if effect in within)}
+    near = {
+        peer.trial.label
+        for peer in peers
+        if peer.trial.gain >= least
+        and peer.trial.label not in apart
+        and explain_the_same(ground, candidate.columns, peer.columns)
+    }
+    near |= set(QUOTIENT) - {effect} if effect in QUOTIENT else set()
+    terms = {x.term.effect.id: x.term for x in others if x.term.effect.id in near and x.term.effect.id not in QUOTIENT}
+    if form.gain >= least:
+        alike = {one.effect.id: one for one in like_form(ground.fit) if one.effect.id != effect}
+        near |= {form.label, *alike}
+        terms = {**alike, **terms}
+    tried = [
+        *(tried_shape(x, candidate.tests) for x in (candidate, *others)),
+        *(tried_line(x, candidate.tests) for x in best_of_classes(lines)),
+        Candidate(form.label, form.gain, min(1.0, form.single_p * candidate.tests)),
+    ]
+    return _Rivals(form, frozenset(near), tuple(terms.values()), by_gain(x for x in tried if x.gain > 0))
 
 
 def _best_member(

@@ -3,6 +3,8 @@
 from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from drivers.errors import DataError
 from rig.config.dut import Dut
 from rig.log.run import Run
@@ -12,7 +14,8 @@ from rig.loop.result import EquationResult, Errors
 from rig.loop.search.followed import up_to
 from rig.loop.signals.tracks import Track
 from rig.loop.statements.events import Event, without_events
-from rig.loop.statements.metrics import Floor, Residual, errors, floor_of, pooled, residual_of
+from rig.loop.statements.floor import Floor, floor_of, pooled
+from rig.loop.statements.residuals import Residual, residual_of, rms
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,9 +74,21 @@ def _errors_of(pairs: Sequence[BeforeAfter], known: Sequence[Residual], dut: Dut
         complete = complete and floor is not None
         if floor is not None:
             floors.append((floor, count))
-        by_procedure[procedure.value] = errors([p.before for p in own], [p.after for p in own], floor)
-    whole = errors([p.before for p in pairs], [p.after for p in pairs], pooled(floors) if complete else None)
+        by_procedure[procedure.value] = _pooled_errors(own, floor)
+    whole = _pooled_errors(pairs, pooled(floors) if complete else None)
     return replace(whole, by_procedure=by_procedure)
+
+
+def _pooled_errors(pairs: Sequence[BeforeAfter], floor: Floor | None) -> Errors:
+    one, two = np.concatenate([p.before.values for p in pairs]), np.concatenate([p.after.values for p in pairs])
+    return Errors(
+        rms_before=rms(one),
+        rms_after=rms(two),
+        max_before=float(np.abs(one).max()),
+        max_after=float(np.abs(two).max()),
+        floor=None if floor is None else floor.rms,
+        floor_ci95=None if floor is None else (floor.low, floor.high),
+    )
 
 
 def refuse_leaks(equations: dict[str, EquationResult], held_out: Sequence[Run]) -> None:

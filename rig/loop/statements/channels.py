@@ -12,7 +12,7 @@ import numpy as np
 from scipy.stats import ttest_1samp
 
 from rig.loop.statements.colour import means, rows_of
-from rig.loop.statements.metrics import Residual
+from rig.loop.statements.residuals import Residual
 
 FEWEST_RUNS = 3
 """Runs below which nothing is said of chance."""

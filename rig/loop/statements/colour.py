@@ -17,7 +17,8 @@ from rig.loop.model.equations import Law, Piece, target_of
 from rig.loop.model.hum import with_hums
 from rig.loop.model.prediction import Model
 from rig.loop.signals.counts import count_of
-from rig.loop.statements.metrics import Residual, dwell_of
+from rig.loop.statements.dwells import dwell_of
+from rig.loop.statements.residuals import Residual
 from sim_backend.model.compliance import wave_generator_stiffness
 
 Floats = NDArray[np.float64]

@@ -15,7 +15,8 @@ from rig.config.dut import Dut
 from rig.loop.model.equations import Equation
 from rig.loop.model.prediction import Model
 from rig.loop.statements.colour import STANDS, cleaned_away, encoder_counts, rows_of, slow_counts, slow_square
-from rig.loop.statements.metrics import MEDIAN_TO_SIGMA, Residual
+from rig.loop.statements.dwells import MEDIAN_TO_SIGMA
+from rig.loop.statements.residuals import Residual
 
 Floats = NDArray[np.float64]
 

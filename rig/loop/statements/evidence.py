@@ -17,7 +17,8 @@ from rig.config.dut import Dut
 from rig.loop.model.equations import Law, Piece
 from rig.loop.model.prediction import Model
 from rig.loop.statements.colour import SMOOTHING, means, slow_noise, slow_square
-from rig.loop.statements.metrics import Residual, aligned, pairs, quantisation_square
+from rig.loop.statements.dwells import quantisation_square
+from rig.loop.statements.residuals import Residual, aligned, pairs
 
 Floats = NDArray[np.float64]
 

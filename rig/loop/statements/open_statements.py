@@ -21,18 +21,11 @@ from rig.loop.search.groups import LEAST_SLOPE, QUOTIENT, SET_SHARE
 from rig.loop.statements.before_after import BeforeAfter
 from rig.loop.statements.channels import correlations
 from rig.loop.statements.colour import cleaned_away, slow_noise
+from rig.loop.statements.dwells import LEAST_DWELL, MEDIAN_TO_SIGMA, dwell_of, quantisation_square
 from rig.loop.statements.events import Event
 from rig.loop.statements.evidence import Memory, Repeats, memory, repeats
-from rig.loop.statements.metrics import (
-    LEAST_DWELL,
-    MEDIAN_TO_SIGMA,
-    Residual,
-    by_procedure,
-    dwell_of,
-    pairs,
-    quantisation_square,
-)
 from rig.loop.statements.report_steps import base_estimates
+from rig.loop.statements.residuals import Residual, by_procedure, pairs
 
 STIFFNESS_DEVIATION = 0.10
 """Relative deviation of the stiffness without torque from the catalogue beyond which a quotient group is at work."""

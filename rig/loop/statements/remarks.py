@@ -110,7 +110,16 @@ def _coarse(runs: Sequence[Run]) -> str:
 
 def remarks(tracks: Sequence[Track], runs: Sequence[Run], dut: Dut, model: Model) -> list[str]:
     """Say what was masked, left out, or could not be known, and where the device file is off."""
-    ratio = model.ratio
+    return [
+        *_masked(tracks),
+        *_unused(tracks, model.ratio),
+        *_of_the_ratio(tracks, dut, model.ratio),
+        *_of_the_device_file(runs, dut, model),
+        *_of_the_logs(runs),
+    ]
+
+
+def _masked(tracks: Sequence[Track]) -> list[str]:
     found = []
     saturated = {track.name: track.saturated for track in tracks if track.saturated}
     if saturated:
@@ -124,12 +133,22 @@ def remarks(tracks: Sequence[Track], runs: Sequence[Run], dut: Dut, model: Model
     if masked:
         text = ", ".join(f"{name} {share:.0f} %" for name, share in masked.items())
         found.append(f"Outside legs of constant speed (8 %, ends of 0.2 s cut) and masked: {text}.")
+    return found
+
+
+def _unused(tracks: Sequence[Track], ratio: float | None) -> list[str]:
+    found = []
     unused = [track.name for track in tracks if track.procedure is ProcedureName.STARTING_TORQUE]
     if unused:
         found.append(f"Starting-torque runs enter no equation of the loop: {', '.join(unused)}.")
     silent = [t.name for t in tracks if t.name not in unused and not pieces_of(t, ratio)]
     if silent:
         found.append(f"No equation can be formed from: {', '.join(silent)}.")
+    return found
+
+
+def _of_the_ratio(tracks: Sequence[Track], dut: Dut, ratio: float | None) -> list[str]:
+    found = []
     both = any(track.motor_position is not None and track.output_position is not None for track in tracks)
     if both and ratio is None:
         found.append("The gear ratio is unknown and no run turns far enough to measure it: torsion is left out.")
@@ -140,8 +159,11 @@ def remarks(tracks: Sequence[Track], runs: Sequence[Run], dut: Dut, model: Model
         )
     if ratio is not None and dut.gear.ratio is None:
         found.append(f"The device file gives no ratio; {ratio:.6g} was measured from both encoders.")
-    if not any(run.replicate is not None for run in runs):
-        found.append("No replicate runs: the floor is computed or unknown, and structure is judged by shape alone.")
+    return found
+
+
+def _of_the_device_file(runs: Sequence[Run], dut: Dut, model: Model) -> list[str]:
+    found = []
     if doubtful := doubt(dut):
         found.append(f"The device file is doubtful: {doubtful}")
     for name, catalogue, measured in _far_from_catalogue(dut, model):
@@ -156,6 +178,13 @@ def remarks(tracks: Sequence[Track], runs: Sequence[Run], dut: Dut, model: Model
             f"The logs' motor_torque is {logged:.4g} N*m for 1 A of motor_current, but the device file's "
             f"torque_constant is {given:.4g} N*m/A: motor_torque was taken as recorded. Correct the device file."
         )
+    return found
+
+
+def _of_the_logs(runs: Sequence[Run]) -> list[str]:
+    found = []
+    if not any(run.replicate is not None for run in runs):
+        found.append("No replicate runs: the floor is computed or unknown, and structure is judged by shape alone.")
     for run in runs:
         constant = sorted(
             name

@@ -8,8 +8,8 @@ from rig.loop.model.terms import TermClass
 from rig.loop.result import Replicates, Silence, Smallest
 from rig.loop.search.decision import Limit, Selection
 from rig.loop.statements.evidence import repeats
-from rig.loop.statements.metrics import Residual, by_procedure
 from rig.loop.statements.report_steps import primary_equation
+from rig.loop.statements.residuals import Residual, by_procedure
 
 
 def silence_of(selection: Selection, train: Sequence[Residual], dut: Dut) -> Silence:

@@ -28,7 +28,7 @@ from rig.loop.model.evaluation import Evaluation
 from rig.loop.model.frames import NEGATED
 from rig.loop.model.prediction import Model, predict
 from rig.loop.statements.angle_spectrum import Signal, amplitudes
-from rig.loop.statements.metrics import Residual
+from rig.loop.statements.residuals import Residual
 
 Floats = NDArray[np.float64]
 

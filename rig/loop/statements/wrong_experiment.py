@@ -20,7 +20,7 @@ from rig.loop.model.prediction import Model
 from rig.loop.result import Json, Open, Verdict
 from rig.loop.signals.tracks import Track
 from rig.loop.statements.colour import rows_of, slow_noise, slow_square
-from rig.loop.statements.metrics import Residual
+from rig.loop.statements.residuals import Residual
 
 Floats = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from rig.loop.model.equations import pieces_of
 from rig.loop.model.terms import Entry, Line, TermClass
 from rig.loop.result import LoopResult
 from rig.loop.signals.tracks import make_track
-from rig.loop.statements.metrics import residual_of
+from rig.loop.statements.residuals import residual_of
 from rig.loop.statements.views import Added, Pair, _fold, views_of
 from rig.loop.trace import trace
 from sim_backend.model.compliance import Compliance

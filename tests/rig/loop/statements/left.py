@@ -10,7 +10,7 @@ from rig.log.run import Run
 from rig.loop.model.equations import pieces_of
 from rig.loop.model.prediction import Model
 from rig.loop.signals.tracks import make_track
-from rig.loop.statements.metrics import Residual, residual_of
+from rig.loop.statements.residuals import Residual, residual_of
 from tests.challenge.sizes import base_oracle
 from tests.independent.campaign import NESTED_PEAKS, Campaign, Plan, Recording
 from tests.independent.instruments import Instruments, NoiseKind

@@ -8,7 +8,7 @@ import pytest
 from rig.loop.model.equations import Equation, pieces_of
 from rig.loop.signals.tracks import make_track
 from rig.loop.statements.channels import correlations
-from rig.loop.statements.metrics import Residual
+from rig.loop.statements.residuals import Residual
 from tests.rig.loop.runs import dut, turning_run
 
 PIECE = next(p for p in pieces_of(make_track(turning_run("r", 0), dut()), 100.0) if p.equation is Equation.TORSION)

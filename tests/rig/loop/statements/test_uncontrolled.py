@@ -11,8 +11,9 @@ from drivers.errors import DataError
 from rig.log.run import ProcedureName
 from rig.loop.campaign import LoopOptions
 from rig.loop.result import Verdict
-from rig.loop.statements.metrics import floor_of, residual_of
+from rig.loop.statements.floor import floor_of
 from rig.loop.statements.open_statements import ABOVE_FLOOR
+from rig.loop.statements.residuals import residual_of
 from rig.loop.table import statements
 from rig.loop.trace import trace
 from tests.independent.campaign import held_out
