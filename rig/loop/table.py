@@ -6,7 +6,7 @@ from types import MappingProxyType
 from rich.table import Table
 
 from rig.loop.display import SCALES, interval_text
-from rig.loop.files.evidence_keys import in_words
+from rig.loop.files.evidence_keys import expected_of, in_words
 from rig.loop.files.model_file import ModelBase, ModelEstimate
 from rig.loop.predict import Predicted
 from rig.loop.result import (
@@ -161,7 +161,8 @@ def _statement(item: Open, equations: Mapping[str, EquationResult]) -> str:
     place = " in ".join(str(evidence.pop(key)) for key in ("equation", "procedure") if key in evidence)
     what = place or " | ".join(item.group)
     if item.parameter is not None and item.deviation is not None:
-        what = f"{item.parameter} is {100 * item.deviation:+.1f} % off its catalogue value, by {' | '.join(item.group)}"
+        off = f"{100 * item.deviation:+.1f} % off {expected_of(item.parameter)}"
+        what = f"{item.parameter} is {off}, by {' | '.join(item.group)}"
     meaning = evidence.pop("meaning", "")
     numbers = [
         f"{words} {_short(value)} {unit}".rstrip() for _, words, value, unit in in_words(evidence, (shown, scale))

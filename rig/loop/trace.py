@@ -23,13 +23,14 @@ from rig.loop.model.prediction import Model
 from rig.loop.result import LoopResult, Step
 from rig.loop.search.decision import Selection
 from rig.loop.search.followed import faster_than, known_speed, select_followed
+from rig.loop.search.given import given_decisions
 from rig.loop.signals.checks import check_gear, check_magnitudes, check_signs, check_torques
 from rig.loop.signals.grid import check_counts
 from rig.loop.signals.living import living
 from rig.loop.signals.recordings import check_recordings, too_short
 from rig.loop.signals.sweeps import check_sweeps, check_work
 from rig.loop.signals.tracks import SMOOTHING, Track, make_track
-from rig.loop.statements.before_after import BeforeAfter, before_and_after, equations_of, refuse_leaks
+from rig.loop.statements.before_after import BeforeAfter, before_and_after, equations_of, refuse_leaks, untested
 from rig.loop.statements.events import events_of
 from rig.loop.statements.open_statements import open_statements
 from rig.loop.statements.remarks import doubts, far_from_prior, remarks, unadded
@@ -110,7 +111,8 @@ def _traced(
     _check_equations(pieces, train, held_out, ratio, campaign)
     on_stage(f"fitting {counted(len(campaign.train), 'run')} and searching what they leave")
     known = known_parameters(dut, ratio)
-    base, selection, fastest = select_followed(pieces, start, options.alpha, known, on_stage)
+    given = given_decisions(options.base, start)
+    base, selection, fastest = select_followed(pieces, start, options.alpha, known, given, on_stage)
     on_stage(f"looking at {counted(len(campaign.held_out), 'held-out run')}")
     fastest = min(fastest, known_speed(pieces, selection))
     final = selection.fit
@@ -127,12 +129,14 @@ def _traced(
         for name, item in equations.items()
         if item.held_out is not None
     }
-    steps = steps_of(selection.decisions, final, base, dut, changes)
+    terms = steps_of(selection.decisions, final, base, dut, changes)
     entries = [decision.kind.enters for decision in selection.decisions]
+    steps = tuple(term for term, decision in zip(terms, selection.decisions, strict=True) if not decision.given)
+    model = model_of(final, terms, entries, dut, software_version(), options.base)
     right = {side: [pair for pair in pairs if pair.run not in wrong.told] for side, pairs in sides.items()}
     judged = equations_of(right, dut, final.model, wrong.runs)
     still_open = (*wrong.open, *open_statements(selection, right["train"], right["held_out"], judged, dut))
-    steps, still_open = with_next_experiments(steps, selection.decisions, still_open, final, runs, dut, known)
+    steps, still_open = with_next_experiments(steps, selection.added, still_open, final, runs, dut, known)
     warnings = (
         *endings(runs),
         *averagings(runs),
@@ -144,7 +148,8 @@ def _traced(
         *doubts(final),
         *remarks(known_tracks, runs, dut, final.model),
         *unadded(selection),
-        *_left_out(known_tracks, fastest),
+        *_left_out(known_tracks, ratio, fastest),
+        *untested(equations),
     )
     quiet = not steps and not still_open
     return LoopResult(
@@ -155,7 +160,7 @@ def _traced(
         open=still_open,
         warnings=warnings,
         elapsed=0.0,
-        model=model_of(final, steps, entries, dut, software_version()),
+        model=model,
         views=_views(sides, selection, steps, campaign, dut),
         silence=silence_of(selection, [pair.calm for pair in right["train"]], dut) if quiet else None,
     )
@@ -192,9 +197,9 @@ def _looked_at(
     return [replace(pair, events=some) for pair, some in zip(pairs, events, strict=True)]
 
 
-def _left_out(tracks: Sequence[Track], fastest: float) -> list[str]:
+def _left_out(tracks: Sequence[Track], ratio: float | None, fastest: float) -> list[str]:
     """Say which runs have legs whose motor torque was not used."""
-    faster = [track.name for track in tracks if faster_than(track, fastest)]
+    faster = [track.name for track in tracks if any(faster_than(piece, fastest) for piece in pieces_of(track, ratio))]
     if not faster:
         return []
     text = f"Motor torque of legs faster than {fastest:.4g} rad/s left out: how the drive follows lines is unknown."

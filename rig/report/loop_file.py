@@ -162,6 +162,7 @@ class DutPart(Tolerant):
     name: str = ""
     gear: dict[str, JsonValue] = {}
     motor: dict[str, JsonValue] = {}
+    output: dict[str, JsonValue] = {}
 
 
 class BasePart(Tolerant):

@@ -6,7 +6,7 @@ from types import MappingProxyType
 from pydantic import JsonValue
 
 from rig.loop.display import interval_text
-from rig.loop.files.evidence_keys import in_words, meaning_of_key
+from rig.loop.files.evidence_keys import expected_of, in_words, meaning_of_key
 from rig.loop.files.views_file import RunFacts
 from rig.report.html import Markup, element, joined
 from rig.report.loop_file import (
@@ -220,7 +220,7 @@ def open_panel(item: Open, units: Mapping[str, str]) -> Markup:
     off = ""
     if item.parameter is not None and item.deviation is not None:
         side = "below" if item.deviation < 0.0 else "above"
-        off = f"{item.parameter} is {100.0 * abs(item.deviation):.3g} % {side} its catalogue value"
+        off = f"{item.parameter} is {100.0 * abs(item.deviation):.3g} % {side} {expected_of(item.parameter)}"
     heading = off or place_of(item)
     for key in ("equation", "procedure"):
         evidence.pop(key, None)
@@ -349,10 +349,12 @@ def device_list(model: ModelFile) -> Markup:
     units |= {"K1": "N*m/rad", "K2": "N*m/rad", "K3": "N*m/rad", "T1": "N*m", "T2": "N*m", "rated_torque": "N*m"}
     units |= {"hysteresis_loss": "rad", "starting_torque": "N*m", "backdriving_torque": "N*m"}
     units |= {"torque_constant": "N*m/A", "inertia": "kg*m^2"}
-    parts = {f"{part} {key}": value for part in ("gear", "motor") for key, value in getattr(model.dut, part).items()}
+    parts = {"gear": model.dut.gear, "motor": model.dut.motor, "output": model.dut.output}
     terms = []
-    for name, value in parts.items():
-        if value is not None:
-            unit = unit_text(units.get(name.split(" ", 1)[1], ""))
-            terms += [element("dt", name.replace("_", " ")), element("dd", f"{_words(value)} {unit}".strip())]
+    for part, values in parts.items():
+        for key, value in values.items():
+            if value is not None:
+                unit = unit_text(units.get(key, ""))
+                name = f"{part} {key}".replace("_", " ")
+                terms += [element("dt", name), element("dd", f"{_words(value)} {unit}".strip())]
     return element("dl", *terms)

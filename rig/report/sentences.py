@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from rig.loop.files.evidence_keys import expected_of
 from rig.loop.result import MEANINGS, Verdict, above_floor
 from rig.report.loop_file import Equation, LoopFile, Open, Step
 from rig.report.numbers import error_scale, scaled
@@ -76,7 +77,7 @@ def _finding(loop: LoopFile) -> str:
             sets = [effect_words(step.effect) for step in loop.steps if step.verdict == "ambiguous"]
             sets += [listed(item.group, "or") for item in loop.open if item.verdict == "ambiguous"]
             others = [effect_words(step.effect) for step in loop.steps if step.verdict != "ambiguous"]
-            also = f"; {listed(others)} is told for sure" if others else ""
+            also = f"; besides it lacks {listed(others)}" if others else ""
             return f"The model lacks {listed(sets)}: these runs cannot tell which{also}"
         case _:
             return f"The model lacks {listed(added) or 'something'}"
@@ -88,7 +89,7 @@ def _absorbed(loop: LoopFile) -> str:
         return "A base parameter is away from its catalogue value, and several causes could have moved it"
     side = "below" if item.deviation < 0.0 else "above"
     causes = f": {listed(item.group, 'or')} could have moved it" if item.group else ""
-    return f"{item.parameter} is {100.0 * abs(item.deviation):.1f} % {side} its catalogue value{causes}"
+    return f"{item.parameter} is {100.0 * abs(item.deviation):.1f} % {side} {expected_of(item.parameter)}{causes}"
 
 
 def _effect_on_errors(loop: LoopFile) -> str:

@@ -92,3 +92,8 @@ def _scaled(value: T, scale: float) -> T:
 def meaning_of_key(key: str) -> str | None:
     """Say what a key says, None of one that is not known."""
     return KEYS[key].meaning if key in KEYS else None
+
+
+def expected_of(parameter: str) -> str:
+    """Give what a parameter is said to be off: its catalogue value, or 1 if it is the ratio of two channels."""
+    return "1" if " / " in parameter else "its catalogue value"

@@ -15,7 +15,7 @@ from rig.loop.model.frames import turned, turned_shape
 from rig.loop.model.parameters import parameter_table
 from rig.loop.model.prediction import Model, predict
 from rig.loop.model.shapes import ShapeTerm, named_effect
-from rig.loop.model.terms import Entry, Line, TermClass
+from rig.loop.model.terms import Entry, Line, TermClass, periodic_effects
 from rig.loop.signals.recordings import FEWEST_SAMPLES
 from rig.loop.signals.tracks import Track, thin_track
 from sim_backend.model.compliance import Compliance
@@ -56,9 +56,9 @@ def lines_of(model: ModelFile, dut: Dut) -> tuple[Line, ...]:
         if not effect.lines:
             continue
         entry = Entry(effect.enters)
-        named = None if effect.effect.startswith(("unnamed:", "ambiguous:")) else effect.effect
-        fixed = effect.lines[0].order if effect.lines and "order" not in effect.parameters else None
-        kind = TermClass(named, entry, effect.variable, fixed)
+        fixed = None if "order" in effect.parameters else effect.lines[0].order
+        nameless = TermClass(None, entry, effect.variable, fixed)
+        kind = next((known for known in periodic_effects() if known.effect == effect.effect), nameless)
         for item in effect.lines:
             sine, cosine = item.amplitude * np.cos(item.phase), item.amplitude * np.sin(item.phase)
             found.append(turned(Line(kind, item.order, float(sine), float(cosine)), dut))

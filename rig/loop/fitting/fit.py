@@ -80,7 +80,7 @@ def material(pieces: Held[Piece]) -> Material:
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """A fitted model with everything linearised about it. `converged` is False if the last step still mattered.
+    """A fitted model with everything linearised about it.
 
     `about`, `parts` and `blocks` (numbers of its blocks of time in the campaign) are those of every piece in `linear`.
     """
@@ -96,7 +96,6 @@ class Fit:
     prior: Floats
     pull: Floats
     block: float
-    converged: bool
 
     @property
     def squares(self) -> float:
@@ -127,7 +126,6 @@ def fit(pieces: Held[Piece], model: Model, noise: dict[Kind, Noise], *, passes: 
     columns = _columns(first, model)
     damping = 1e-3
     current = _state(known, first.keep(linearised, model, columns, noise, block), model, columns, noise, block)
-    converged = False
     for _ in range(passes):
         A = current.normal.A.sum(axis=0) + np.diag(current.prior)
         g = current.normal.g.sum(axis=0) + current.pull
@@ -144,14 +142,12 @@ def fit(pieces: Held[Piece], model: Model, noise: dict[Kind, Noise], *, passes: 
                 break
             damping *= 10.0
         if not improved:
-            converged = True
             break
         linear = attempt.keep(linearised, trial, columns, noise, block)
         current = _state(known, linear, trial, columns, noise, block)
         if cost - trial_cost <= CONVERGED:
-            converged = True
             break
-    return replace(current, converged=converged)
+    return current
 
 
 def coarse(piece: Piece) -> Piece:
@@ -242,7 +238,7 @@ def _state(
         prior[place] = RIDGE * np.diag(normal.A.sum(axis=0))[place]
         pull[place] = -prior[place] * values
     blocks = numbered(known, parts)
-    return Fit(model, columns, noise, known, linear, parts, blocks, normal, prior, pull, block, False)
+    return Fit(model, columns, noise, known, linear, parts, blocks, normal, prior, pull, block)
 
 
 def _curves(model: Model) -> list[tuple[int, Floats]]:

@@ -154,8 +154,6 @@ def counts_pass(
     than a count is. `size`: rad at the output at most. `encoders`: counts per revolution, and what one of them is at
     the output (rad), by the signal of the angle.
     """
-    if not frequencies:
-        return False
     for signal, (per_turn, count) in encoders.items():
         if size > count:
             continue

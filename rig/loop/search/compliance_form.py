@@ -7,6 +7,7 @@ form as well, as long as the output is held in every run.
 
 from functools import partial
 
+from rig.log.run import ProcedureName
 from rig.loop.fitting.fit import Fit
 from rig.loop.fitting.normal import LinearPiece, side_by_side
 from rig.loop.model.equations import Equation
@@ -28,7 +29,8 @@ def like_form(fit: Fit) -> tuple[ShapeTerm, ...]:
 
     Most of it goes into the stiffness, so that no linearised trial sees it; what the law cannot bend to is left.
     """
-    if any(item.equation is Equation.TORSION and item.moves for item in fit.about):
+    torsions = [item for item in fit.about if item.equation is Equation.TORSION]
+    if any(item.procedure is not ProcedureName.LOCKED_OUTPUT for item in torsions):
         return ()
     return (ShapeTerm(FIXTURE, tuple(parameter.typical for parameter in FIXTURE.parameters)),)
 

@@ -1,6 +1,5 @@
 """What a selection comes to: what was decided of every class, what was found but not added, and the fit in the end."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,15 +9,13 @@ from rig.loop.model.terms import Line, TermClass
 from rig.loop.result import Candidate, Verdict
 from rig.loop.search.trial import Trial
 
-SAME_ORDER = 0.02
-"""Relative difference of orders by which a line may have moved since it was decided upon."""
-
 
 @dataclass(frozen=True, slots=True)
 class Decision:
     """What was decided about one class that was added: verdict, set (if ambiguous), candidates and p-value.
 
-    `order`: of the one line it is about, where another line of its class has another set; None: it is about all others.
+    `orders`: of the lines it is about, as they were when they were added. `given`: by the model file that was started
+    from.
     """
 
     kind: TermClass | ShapeClass
@@ -26,7 +23,8 @@ class Decision:
     members: tuple[str, ...]
     candidates: tuple[Candidate, ...]
     p_value: float
-    order: float | None = None
+    orders: tuple[float, ...] = ()
+    given: bool = False
 
     @property
     def effect(self) -> str:
@@ -35,12 +33,18 @@ class Decision:
 
 
 def lines_decided(decision: Decision, decisions: Sequence[Decision], lines: Sequence[Line]) -> list[int]:
-    """Give the numbers of the lines that a decision is about, of `decisions` in all."""
-    own = [number for number, line in enumerate(lines) if line.kind == decision.kind]
-    if decision.order is not None:
-        return [number for number in own if math.isclose(lines[number].order, decision.order, rel_tol=SAME_ORDER)]
-    apart = [one for one in decisions if one.kind == decision.kind and one.order is not None]
-    return [number for number in own if not any(number in lines_decided(one, (), lines) for one in apart)]
+    """Give the numbers of the lines that a decision is about: of all `decisions` its orders are the nearest to theirs.
+
+    Lines of one class may be told apart, where one of them has a set of its own, and move as others join them.
+    """
+    alike = [one for one in decisions if one.kind == decision.kind and one.orders]
+    own = []
+    for number, line in enumerate(lines):
+        if line.kind == decision.kind and alike:
+            nearest = min(alike, key=lambda one: min(abs(line.order - order) for order in one.orders))
+            if nearest is decision:
+                own.append(number)
+    return own
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +84,11 @@ class Selection:
     unadded: tuple[Unadded, ...]
     left: tuple[Trial, ...]
     limits: tuple[Limit, ...] = ()
+
+    @property
+    def added(self) -> tuple[Decision, ...]:
+        """The decisions about what the model that was started from had not."""
+        return tuple(decision for decision in self.decisions if not decision.given)
 
 
 @dataclass(frozen=True, slots=True)

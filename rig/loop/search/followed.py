@@ -1,20 +1,18 @@
 """Torque of legs so fast that the drive no longer follows a line of it: how far it is fitted and predicted."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from rig.log.run import ProcedureName
 from rig.loop.fitting.base import fit_base
 from rig.loop.fitting.fit import Fit, material
 from rig.loop.model.equations import Equation, Law, Piece
 from rig.loop.model.prediction import Model
-from rig.loop.search.decision import Selection
+from rig.loop.search.decision import Decision, Selection
 from rig.loop.search.select import select
 from rig.loop.signals.recordings import FEWEST_SAMPLES
-from rig.loop.signals.tracks import Track
 from rig.loop.workers.held import Held
 
 SAME_SPEED = 1.05
@@ -29,6 +27,7 @@ def select_followed(
     start: Model,
     alpha: float,
     known: Mapping[str, float],
+    given: Sequence[Decision],
     on_stage: Callable[[str], None],
 ) -> tuple[Fit, Selection, float]:
     """Fit and select; give the base fit, the selection, and the fastest leg (rad/s) whose torque was used.
@@ -38,14 +37,14 @@ def select_followed(
     """
     every = material(pieces)
     base = fit_base(every, start)
-    whole = select(every, base, alpha, known, on_stage)
+    whole = select(every, base, alpha, known, given, on_stage)
     found, fastest = whole, math.inf
     while (followed := _followed(found)) is not None and SAME_SPEED * followed < fastest:
         fastest = SAME_SPEED * followed
         fewer = material(pieces.spread(up_to, fastest))
         on_stage(f"once more without the torque of legs faster than {fastest:.4g} rad/s")
         slow = fit_base(fewer, start)
-        found = select(fewer, slow, alpha, known, on_stage)
+        found = select(fewer, slow, alpha, known, given, on_stage)
         if len(found.decisions) > len(whole.decisions):
             return slow, found, fastest
     return base, whole, math.inf
@@ -71,9 +70,9 @@ def _free_speeds(piece: Piece) -> list[float]:
     return np.unique(np.abs(piece.track.speed[piece.index])).tolist() if _runs_free(piece) else []
 
 
-def faster_than(track: Track, fastest: float) -> bool:
-    """Whether a free run has legs faster than `fastest` (rad/s at the motor)."""
-    return track.procedure is ProcedureName.FREE_RUN and float(np.abs(track.speed).max(initial=0.0)) > fastest
+def faster_than(piece: Piece, fastest: float) -> bool:
+    """Whether a torque of a free run has legs faster than `fastest` (rad/s at the motor)."""
+    return _runs_free(piece) and float(np.abs(piece.track.speed[piece.index]).max(initial=0.0)) > fastest
 
 
 def _runs_free(piece: Piece) -> bool:

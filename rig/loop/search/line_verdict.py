@@ -56,7 +56,7 @@ def judge_line(
     significant, large = candidate.p_value <= alpha, trial.share >= LARGE_SHARE
     if not (significant or large) or _already_there(ground, proposal):
         return None
-    kinds = {decision.kind for decision in decisions}
+    kinds = {decision.kind for decision in decisions if not decision.given}
     # what bends an angle shows in the angle, not only in the torque by which it acts back on the motor
     share = trial.share_of(Equation.TORSION) if proposal.kind.is_angle else trial.share
     room = proposal.kind in kinds or len(kinds) < MOST_CLASSES
@@ -216,7 +216,7 @@ def _named(
         near.add(TWINS[kind.effect])
     if kind.effect in SINGLE_ANGLE_SET and not _angles_cover(ground):
         near |= set(SINGLE_ANGLE_SET)
-    tried = [*(tried_line(peer) for peer in peers), *(tried_shape(item, best.tests) for item in shapes)]
+    tried = [*(tried_line(peer) for peer in peers), *(tried_shape(item) for item in shapes)]
     ordered = by_gain(tried)
     members = tuple(sorted(near | {kind.id})) if near else ()
     verdict = Verdict.AMBIGUOUS if near else Verdict.NAMED if kind.effect else Verdict.UNNAMED

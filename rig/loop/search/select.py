@@ -31,21 +31,23 @@ def select(
     base: Fit,
     alpha: float,
     known: Mapping[str, float],
+    given: Sequence[Decision] = (),
     on_stage: Callable[[str], None] = lambda _: None,
 ) -> Selection:
     """Add terms to the base fit until nothing more passes. `alpha`: family-wise false-alarm probability a round.
 
-    `known`: parameters of effects that no fit estimates, by name (`ratio`, `torque_constant`, ...). `on_stage` is told
-    what is being done.
+    `known`: parameters of effects that no fit estimates, by name (`ratio`, `torque_constant`, ...). `given`: of the
+    terms that the base has already; they are fitted and stay. `on_stage` is told what is being done.
     """
     current = base
-    decisions: list[Decision] = []
-    unadded: dict[tuple[str, int], Unadded] = {}
+    decisions = list(given)
+    unadded: list[Unadded] = []
     here: _View | None = None
     while len(current.model.lines) < MOST_LINES:
         count = len(current.model.lines) + len(current.model.shapes)
         on_stage(f"trying every effect on what is left, {count} added so far")
         here = _look(pieces, current, known)
+        unadded = []
         present = {term.effect.id for term in current.model.shapes}
         present |= set(QUOTIENT) if present & set(QUOTIENT) else set()
         present |= {name for decision in decisions for name in decision.members}
@@ -57,23 +59,20 @@ def select(
         known_lines = len(current.model.lines)
         decision, current = accepted
         on_stage(f"added: {decision.kind.id}")
-        earlier = next((one for one in decisions if one.kind == decision.kind), None)
-        if earlier is None:
-            decisions.append(decision)
-        elif earlier.members != decision.members:
-            decisions.append(replace(decision, order=current.model.lines[known_lines].order))
+        decisions = _with(decisions, decision, [line.order for line in current.model.lines[known_lines:]])
     on_stage("judging whether what was added must stay")
-    current = withdraw(pieces, current, alpha)
+    current = withdraw(pieces, current, alpha, base.model)
     on_stage("trying shapes without a name on what is left")
     named = current
     current, decisions = unnamed(pieces, named, _still_there(decisions, named.model), alpha, known)
     if current is not named:
-        current = withdraw_lines(pieces, current, alpha)
+        current = withdraw_lines(pieces, current, alpha, base.model)
     kept = _still_there(decisions, current.model)
     if here is None or here.ground.fit is not current:
         here = _look(pieces, current, known)
-    limits = () if kept else tuple(limits_of(here.ground, here.lines, here.shapes, alpha))
-    return Selection(current, tuple(kept), tuple(unadded.values()), tuple(item.trial for item in here.shapes), limits)
+    found = any(not one.given for one in kept)
+    limits = () if found else tuple(limits_of(here.ground, here.lines, here.shapes, alpha))
+    return Selection(current, tuple(kept), tuple(unadded), tuple(item.trial for item in here.shapes), limits)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +91,15 @@ def _look(pieces: Material, current: Fit, known: Mapping[str, float]) -> _View:
     return _View(ground, lines, shape_candidates(pieces, ground, known, most))
 
 
+def _with(decisions: Sequence[Decision], new: Decision, orders: Sequence[float]) -> list[Decision]:
+    """Put a decision about lines of these orders to the others: lines of one class and set are one step."""
+    for place, one in enumerate(decisions):
+        if (one.kind, one.members, one.given) == (new.kind, new.members, new.given):
+            joined = replace(one, orders=(*one.orders, *orders))
+            return [*decisions[:place], joined, *decisions[place + 1 :]]
+    return [*decisions, replace(new, orders=tuple(orders))]
+
+
 def _still_there(decisions: Sequence[Decision], model: Model) -> list[Decision]:
     """Give the decisions whose terms the model still has."""
     kinds = {term.kind for term in model.shapes}
@@ -105,7 +113,7 @@ def _round(
     shapes: Sequence[ShapeTrial],
     alpha: float,
     decisions: list[Decision],
-    unadded: dict[tuple[str, int], Unadded],
+    unadded: list[Unadded],
 ) -> tuple[Decision, Fit] | None:
     """Give the best term that may be added, and the fit with it; None if there is none."""
     candidates: list[LineCandidate | ShapeTrial] = [*lines, *shapes]
@@ -113,14 +121,11 @@ def _round(
     for candidate in sorted(candidates, key=lambda candidate: -candidate.trial.gain):
         if isinstance(candidate, ShapeTrial):
             judged = judge_shape(pieces, ground, candidate, lines, shapes, alpha, decisions)
-            key = (candidate.term.effect.id, 0)
         else:
             judged = judge_line(pieces, ground, candidate, lines, shapes, alpha, decisions)
-            proposal = candidate.proposal
-            key = (proposal.kind.id, round(proposal.order / max(proposal.resolution, 1e-9)))
         if isinstance(judged, Accepted):
             return judged.decision, judged.fit
         if judged is not None:
-            unadded[key] = judged
+            unadded.append(judged)
             lines = [line for line in lines if line is not candidate]  # what is refused is no rival of the others
     return None

@@ -57,7 +57,7 @@ NEXT_VALUE, NEXT_FREQUENCY = 1.3, 2.0 * FINEST_DAMPING
 class ShapeTrial:
     """One effect at its best parameters: how it fares, and among how many tests it was found.
 
-    `tests`: twice the number of effects times the points of its own grid.
+    `tests`: `FAMILIES` times the number of effects times the points of its own grid.
     """
 
     term: ShapeTerm

@@ -60,10 +60,15 @@ def shape_candidates(pieces: Material, ground: Ground, known: Mapping[str, float
     return [
         item
         for item in shape_trials(ground, sparse, scales, least)
-        if not counts_pass(item.term.frequencies, largest_of(ground, item.term), ground.fit.linear, encoders)
+        if not (item.term.frequencies and _counts(ground, item.term, encoders))
         and not _is_slight(item)
         and _is_in_reach(item, scales)
     ]
+
+
+def _counts(ground: Ground, ringing: ShapeTerm, encoders: Mapping[str, tuple[float, float]]) -> bool:
+    """Whether what rings may be the counts of one of these encoders; see `counts_pass`."""
+    return counts_pass(ringing.frequencies, largest_of(ground, ringing), ground.fit.linear, encoders)
 
 
 def _is_in_reach(item: ShapeTrial, scales: Scales) -> bool:
@@ -110,7 +115,7 @@ def judge_shape(
     def unadded(why: str) -> Unadded | None:
         return Unadded(term.kind, None, size, p_value, trial.share, why) if significant else None
 
-    kinds = {decision.kind for decision in decisions}
+    kinds = {decision.kind for decision in decisions if not decision.given}
     room = term.kind in kinds or len(kinds) < MOST_CLASSES
     why, unpaid = objection(trial.share, LEAST_SHAPE_SHARE, room=room), unpaid_by(trial)
     if why or (unpaid and not large):
@@ -180,8 +185,8 @@ def _rivals(
         near |= {form.label, *alike}
         terms = {**alike, **terms}
     tried = [
-        *(tried_shape(x, candidate.tests) for x in (candidate, *others)),
-        *(tried_line(x, candidate.tests) for x in best_of_classes(lines)),
+        *(tried_shape(x) for x in (candidate, *others)),
+        *(tried_line(x) for x in best_of_classes(lines)),
         Candidate(form.label, form.gain, min(1.0, form.single_p * candidate.tests)),
     ]
     return _Rivals(form, frozenset(near), tuple(terms.values()), by_gain(x for x in tried if x.gain > 0))

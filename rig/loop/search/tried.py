@@ -10,16 +10,15 @@ SAME_ORDER = 6
 """Digits to which two lines of one class are at the same order."""
 
 
-def tried_line(item: LineCandidate, tests: float | None = None) -> Candidate:
-    """Give a line that was tried; `tests`: among how many, where not among its own."""
-    p_value = item.p_value if tests is None else min(1.0, item.trial.single_p * tests)
+def tried_line(item: LineCandidate) -> Candidate:
+    """Give a line that was tried."""
     kind = item.proposal.kind
-    return Candidate(item.trial.label, item.trial.gain, p_value, kind.variable, kind.enters, item.proposal.order)
+    return Candidate(item.trial.label, item.trial.gain, item.p_value, kind.variable, kind.enters, item.proposal.order)
 
 
-def tried_shape(item: ShapeTrial, tests: float) -> Candidate:
-    """Give an effect that is no line, or a curve, among so many tests."""
-    kind, p_value = item.term.kind, min(1.0, item.trial.single_p * tests)
+def tried_shape(item: ShapeTrial) -> Candidate:
+    """Give an effect that is no line, or a curve, with its p-value among its own tests."""
+    kind, p_value = item.term.kind, min(1.0, item.trial.single_p * item.tests)
     return Candidate(item.term.effect.id, item.trial.gain, p_value, kind.variable, kind.enters)
 
 

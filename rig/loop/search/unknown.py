@@ -259,7 +259,8 @@ def unnamed(
     samples, each a mean, hold less noise, of which any shape has a larger share.
     """
     decisions, newest = list(decisions), None
-    for kind in [x.kind for x in current.model.shapes]:
+    given = {decision.kind for decision in decisions if decision.given}
+    for kind in [x.kind for x in current.model.shapes if x.kind not in given]:
         term = next(x for x in current.model.shapes if x.kind == kind)
         instead = _better_curve(pieces, current, term, known, alpha)
         if instead is not None and all(instead[0].term.kind != other.kind for other in decisions):
@@ -267,7 +268,7 @@ def unnamed(
             place = next(k for k, decision in enumerate(decisions) if decision.kind == kind)
             decisions[place] = _of_curve(better, min(1.0, better.trial.single_p * better.tests), [better])
             newest = better.term.kind
-    while len({decision.kind for decision in decisions}) < MOST_CLASSES:
+    while len({decision.kind for decision in decisions if not decision.given}) < MOST_CLASSES:
         bent = any(term.effect.reads == "output_torque" for term in current.model.shapes)
         least = BESIDE_BENT_SHARE if bent else LEAST_CURVE_SHARE
         found = _best_curve(pieces, current, known, alpha, least)
@@ -277,7 +278,7 @@ def unnamed(
         decisions.append(_of_curve(best, p_value, tried))
         newest = best.term.kind
     if newest is not None:
-        for kind in [x.kind for x in current.model.shapes if x.kind != newest]:
+        for kind in [x.kind for x in current.model.shapes if x.kind != newest and x.kind not in given]:
             here = next(x for x in current.model.shapes if x.kind == kind)
             if not _still_needed(pieces.few, current, here, alpha):
                 shapes = tuple(x for x in current.model.shapes if x is not here)
@@ -286,7 +287,7 @@ def unnamed(
 
 
 def _of_curve(best: ShapeTrial, p_value: float, tried: Sequence[ShapeTrial]) -> Decision:
-    near = tuple(tried_shape(x, x.tests) for x in tried[:MOST_TOLD])
+    near = tuple(tried_shape(x) for x in tried[:MOST_TOLD])
     return Decision(best.term.kind, Verdict.UNNAMED, (), near, p_value)
 
 

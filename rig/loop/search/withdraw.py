@@ -8,6 +8,7 @@ import numpy as np
 from rig.loop.fitting.fit import Fit, Material, fit, refit
 from rig.loop.fitting.intervals import covariance, quantile
 from rig.loop.fitting.normal import LinearPiece
+from rig.loop.model.prediction import Model
 from rig.loop.model.shapes import ShapeTerm
 from rig.loop.model.terms import Line, TermClass
 from rig.loop.search.acceptance import pays_jointly
@@ -15,13 +16,13 @@ from rig.loop.search.shape_trials import shape_of
 from rig.loop.search.trial import prepare, try_columns, try_line
 
 
-def withdraw(pieces: Material, current: Fit, alpha: float) -> Fit:
-    """Take out terms that no longer pay beside the others, or have moved onto another."""
-    return withdraw_lines(pieces, _withdraw_shapes(pieces, current, alpha), alpha)
+def withdraw(pieces: Material, current: Fit, alpha: float, given: Model) -> Fit:
+    """Take out terms that no longer pay beside the others, or have moved onto another; none that was `given`."""
+    return withdraw_lines(pieces, _withdraw_shapes(pieces, current, alpha, given), alpha, given)
 
 
-def _withdraw_shapes(pieces: Material, current: Fit, alpha: float) -> Fit:
-    for kind in [term.kind for term in current.model.shapes]:
+def _withdraw_shapes(pieces: Material, current: Fit, alpha: float, given: Model) -> Fit:
+    for kind in [term.kind for term in current.model.shapes[len(given.shapes) :]]:
         here = next(x for x in current.model.shapes if x.kind == kind)
         shapes = tuple(x for x in current.model.shapes if x is not here)
         without = fit(pieces.all, replace(current.model, shapes=shapes), current.noise, passes=3, block=current.block)
@@ -38,11 +39,18 @@ def _pays(without: Fit, current: Fit, here: ShapeTerm, alpha: float) -> bool:
     return trial.single_p <= alpha and trial.pays > 0.0
 
 
-def withdraw_lines(pieces: Material, current: Fit, alpha: float) -> Fit:
-    """Take out lines that no longer pay beside the other terms, or of which nothing may be there."""
-    for line in sorted(current.model.lines, key=lambda line: line.amplitude):
+def withdraw_lines(pieces: Material, current: Fit, alpha: float, given: Model) -> Fit:
+    """Take out lines that no longer pay beside the other terms, or of which nothing may be there.
+
+    None of those that were `given`, which come first.
+    """
+    for line in sorted(current.model.lines[len(given.lines) :], key=lambda line: line.amplitude):
         present = current.model.lines
-        matches = [x for x in present if x.kind == line.kind and abs(x.order - line.order) < 1e-3 * line.order]
+        matches = [
+            x
+            for x in present[len(given.lines) :]
+            if x.kind == line.kind and abs(x.order - line.order) < 1e-3 * line.order
+        ]
         if not matches:
             continue
         here = min(matches, key=lambda x: abs(x.amplitude - line.amplitude))

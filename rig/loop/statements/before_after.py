@@ -1,6 +1,6 @@
 """The errors before and after, equation by equation, with the floor; and the refusal of one that is too good."""
 
-from collections.abc import Sequence, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -89,6 +89,20 @@ def _pooled_errors(pairs: Sequence[BeforeAfter], floor: Floor | None) -> Errors:
         floor=None if floor is None else floor.rms,
         floor_ci95=None if floor is None else (floor.low, floor.high),
     )
+
+
+def untested(equations: Mapping[str, EquationResult]) -> list[str]:
+    """Say which procedures of which equation are fitted, and tested by no run that was held out."""
+    found = []
+    for name, item in equations.items():
+        fitted, tested = ({} if side is None else side.by_procedure for side in (item.train, item.held_out))
+        missing = [procedure for procedure in fitted if procedure not in tested]
+        if missing:
+            found.append(
+                f"No held-out run tests {name} in {', '.join(missing)}: nothing but the fitted runs says how well the "
+                f"model does there. Hold one out with --held-out, or record one more."
+            )
+    return found
 
 
 def refuse_leaks(equations: dict[str, EquationResult], held_out: Sequence[Run]) -> None:

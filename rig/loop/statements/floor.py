@@ -218,12 +218,12 @@ def _computed(wanted: Sequence[Residual], dut: Dut, model: Model) -> Floor | Non
         if square is None:
             return None
         squares.append(square)
-    rms = math.sqrt(float(np.mean(squares)))
+    size = math.sqrt(float(np.mean(squares)))
     spread = max(COMPUTED_SPREAD, *(dwell_spread(residual.piece) for residual in wanted))
-    low = rms * max(1.0 - spread, 0.0)
+    low = size * max(1.0 - spread, 0.0)
     if not wanted[0].piece.demeaned and _none_missing(_steps(wanted), _dwell_steps(wanted, model)):
         low = _as_small_as(low, wanted)
-    return Floor(rms, low, rms * (1.0 + spread), False)
+    return Floor(size, low, size * (1.0 + spread), False)
 
 
 def _dwell_steps(wanted: Sequence[Residual], model: Model) -> Floats:

@@ -36,11 +36,11 @@ SLOPE_GROUP = ("load-dependent-friction", "torque-constant-error", "torque-senso
 SURE = 1e-4
 """False-alarm probability of a single test below which such a statement is made."""
 
-WORSE = 1.02
-"""Times by which the held-out error may grow: so much is the chance of a few runs."""
-
 SURE_OF_MANY = 1e-7
 """The same for the best of all shapes at all points of their grids, some hundreds of tests."""
+
+WORSE = 1.02
+"""Times by which the held-out error may grow: so much is the chance of a few runs."""
 
 PLAYS = (Law.LOCKED, Law.BACKDRIVE)
 """Laws in which a play carries one torque to the other."""
@@ -75,7 +75,7 @@ def open_statements(
         *_absorbed(selection, dut),
         *_slope(selection),
     ]
-    if not found and not selection.decisions:
+    if not found and not selection.added:
         found = _without_floor(runs, equations, dut, selection.fit.model.ratio)
     return tuple(found)
 
@@ -254,9 +254,7 @@ def _worse(selection: Selection, equations: Mapping[str, EquationResult]) -> lis
     worse = {
         name: item.held_out
         for name, item in equations.items()
-        if selection.decisions
-        and item.held_out is not None
-        and item.held_out.rms_after > WORSE * item.held_out.rms_before
+        if selection.added and item.held_out is not None and item.held_out.rms_after > WORSE * item.held_out.rms_before
     }
     return [
         Open(
@@ -287,7 +285,7 @@ def _above_floor(
     """
     found = []
     for (name, procedure), members in by_procedure(residuals).items():
-        whole = equations[name].held_out or equations[name].train
+        whole = equations[name].held_out
         errors = whole.by_procedure.get(procedure) if whole is not None else None
         if errors is None or errors.floor_ci95 is None or known & {(name, procedure), (name, None)}:
             continue

@@ -28,7 +28,7 @@ def steps_of(
     dut: Dut,
     held_out: Mapping[str, tuple[float, float]],
 ) -> tuple[Step, ...]:
-    """Give one step per class that was added, its lines joined, with 95 % intervals."""
+    """Give one step per decision, its lines joined, with 95 % intervals."""
     spread, factor = covariance(final), quantile(final)
     made = []
     for decision in decisions:
@@ -182,10 +182,14 @@ def shifts(base: Fit, final: Fit) -> dict[str, Shift]:
     }
 
 
-def model_of(final: Fit, steps: Sequence[Step], enters: Sequence[str], dut: Dut, software: str) -> Model:
-    """Give the content of `model.json`."""
+def model_of(
+    final: Fit, steps: Sequence[Step], enters: Sequence[str], dut: Dut, software: str, start: Model | None
+) -> Model:
+    """Give the content of `model.json`: of the base parameters that no run tells about, those of `start`."""
     runs = final.normal.runs
-    parameters = {name: _as_model(value) for name, value in base_estimates(final).items()}
+    known = {} if start is None else start.base.parameters
+    parameters = {name: value for name, value in known.items() if name in final.model.table.names}
+    parameters |= {name: _as_model(value) for name, value in base_estimates(final).items()}
     effects = tuple(
         ModelEffect(
             effect=step.effect,

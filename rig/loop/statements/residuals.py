@@ -38,7 +38,7 @@ class Residual:
 
     @property
     def fast_of_target(self) -> float:
-        """Give the same of what was measured, whatever the model makes of it."""
+        """Give what `fast` is of what was measured, whatever the model makes of it."""
         step = np.diff(self.piece.target)[np.diff(self.piece.index) == 1]
         return float(np.sqrt(np.mean(step**2) / 2.0)) if step.size else 0.0
 

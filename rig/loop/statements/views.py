@@ -28,7 +28,7 @@ from rig.loop.model.evaluation import Evaluation
 from rig.loop.model.frames import NEGATED
 from rig.loop.model.prediction import Model, predict
 from rig.loop.statements.angle_spectrum import Signal, amplitudes
-from rig.loop.statements.residuals import Residual
+from rig.loop.statements.residuals import Residual, rms
 
 Floats = NDArray[np.float64]
 
@@ -205,7 +205,7 @@ def _span(variable: str, everything: Sequence[_Seen]) -> float:
 def _residuals(group: Sequence[_Seen], added: Sequence[Added], everything: Sequence[_Seen]) -> list[ResidualView]:
     """Give the residual over what it was traced to, over what the procedure varies, and, with nothing added, time."""
     before, after = np.concatenate([s.before for s in group]), np.concatenate([s.after for s in group])
-    explained = added if _rms(after) < EXPLAINED * _rms(before) else ()
+    explained = added if rms(after) < EXPLAINED * rms(before) else ()
     traced = list(dict.fromkeys(item.variable for item in explained))
     varied = TURNED if group[0].pair.after.piece.track.moves else SWEPT
     views = {name: _residual(group, name, explained, everything) for name in dict.fromkeys((*traced, *varied, "time"))}
@@ -243,8 +243,8 @@ def _residual(
         effects=tuple(item.effect for item in own),
         order=order,
         samples=int(x.size),
-        rms_before=_rms(before),
-        rms_after=_rms(after),
+        rms_before=rms(before),
+        rms_after=rms(after),
         x=_numbers(x[chosen]),
         before=_numbers(before[chosen]),
         after=_numbers(after[chosen]),
@@ -384,7 +384,3 @@ def _unit(variable: str) -> str:
         return "s"
     known = BY_NAME.get(variable)
     return "" if known is None else known.unit
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0

@@ -28,6 +28,9 @@ SELECTORS: dict[str, Callable[[Task], Floats]] = {
 
 LOOP = "rig loop"
 NEAR = 1.05
+REFUSED: dict[str, Any] = {"groups": ["refused"], "over_oracle": float("inf"), "exact": False}
+"""What a campaign that the loop refuses counts as: no answer, and no silence."""
+
 COUNTS = {"single": 10, "outside": 5, "none": 8}
 """Campaigns of each family."""
 
@@ -44,7 +47,7 @@ def compare(family: str, seed: int) -> dict[str, Any]:
     started = time.process_time()
     answer = json.loads(answer_of(runs, dut, held_out))
     seconds = time.process_time() - started
-    found: dict[str, Any] = {}
+    found: dict[str, Any] = {LOOP: REFUSED | {"seconds": seconds}}
     if "error" not in answer:
         after = {name: item["held_out"]["rms_after"] for name, item in answer["equations"].items()}
         groups = [step["effect"] for step in answer["steps"]]
