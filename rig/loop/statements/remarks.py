@@ -21,7 +21,7 @@ from rig.loop.search.lines import USUAL_HIGHEST_ORDER
 from rig.loop.signals.checks import measured_slope
 from rig.loop.signals.grid import finer_grids
 from rig.loop.signals.living import ANGLES, TORQUES
-from rig.loop.signals.tracks import Track
+from rig.loop.signals.tracks import LEG_END, SPEED_BAND, Track
 from sim_backend.model.compliance import LAWS
 
 LEAST_TOLD = 1e-3
@@ -132,7 +132,8 @@ def _masked(tracks: Sequence[Track]) -> list[str]:
     }
     if masked:
         text = ", ".join(f"{name} {share:.0f} %" for name, share in masked.items())
-        found.append(f"Outside legs of constant speed (8 %, ends of 0.2 s cut) and masked: {text}.")
+        legs = f"{100.0 * SPEED_BAND:.0f} %, ends of {LEG_END:g} s cut"
+        found.append(f"Outside legs of constant speed ({legs}) and masked: {text}.")
     return found
 
 

@@ -33,7 +33,7 @@ def test_a_named_effect_with_what_it_removes() -> None:
 def test_an_ambiguous_set_is_not_said_for_sure() -> None:
     text = said("ambiguous", [LAG, GRAVITY])
     assert text.startswith(
-        "The model lacks channel-delay or torque-sensor-lag: these runs cannot tell which; besides it lacks gravity-load;"
+        "The model lacks channel-delay or torque-sensor-lag: these runs cannot tell which; besides it lacks gravity"
     )
 
 
