@@ -32,7 +32,7 @@ from rig.loop.model.equations import Equation, Law, Piece
 from rig.loop.model.evaluation import FLEXSPLINE_TORQUE, Added, Evaluation, Route, through, with_time
 from rig.loop.model.hum import with_hums
 from rig.loop.model.parameters import ParameterTable
-from rig.loop.model.shapes import SWEPT_TORQUE, ShapeTerm
+from rig.loop.model.shapes import CORNERS, SWEPT_TORQUE, ShapeTerm
 from rig.loop.model.terms import Entry, Line, line_values
 from rig.loop.signals.play import play_output, play_path
 from rig.loop.signals.tracks import Track
@@ -139,6 +139,8 @@ def _signals(
     found["turning"] = np.full(track.size, float(track.moves or track.procedure is ProcedureName.LOCKED_OUTPUT))
     if track.swept_torque is not None:
         found[SWEPT_TORQUE] = track.swept_torque
+    if track.corners is not None:
+        found[CORNERS] = track.corners
     if M is not None:
         found["motor_torque"] = M
         if track.torque_constant is not None:

@@ -26,8 +26,9 @@ from sim_backend.model.effects import CATALOGUE, Effect, Enters, Shape
 
 Floats = NDArray[np.float64]
 
-SWEPT_TORQUE = "swept_torque"
-"""Name of the polyline that the output torque follows, beside the signals of the contract; several values a sample."""
+SWEPT_TORQUE, CORNERS = "swept_torque", "corners"
+"""Names of the polyline that the output torque follows, and of lines that have its corners, beside the signals of the
+contract; several values a sample."""
 
 UNDOING, BEYOND = 2, 10.0
 """Iterations after which the torque is known that a late reading shows, and times by which it is late for which the
@@ -206,16 +207,16 @@ def addition(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> Flo
         fitted = np.array([term.values[k] for k in term.free])
         return np.asarray(basis(term.effect, term.values[: term.effect.knots], signals, step) @ fitted)
     if term.rings:  # noise would set it ringing too
-        return _swept(term.effect, term.values, signals, step) if SWEPT_TORQUE in signals else None
+        return _ringing(term.effect, term.values, signals, step) if CORNERS in signals else None
     late = added_late(term, signals, step)
     if late is not None:
         return _means(late, signals)
     return evaluate(term.effect, signals, term.values, step=step)
 
 
-def _swept(effect: Effect, values: Sequence[float], signals: Mapping[str, Floats], step: float) -> Floats:
-    """Give what the swept torque sets ringing: samples averaged before would bend where the torque has a corner."""
-    fast = signals[SWEPT_TORQUE]
+def _ringing(effect: Effect, values: Sequence[float], signals: Mapping[str, Floats], step: float) -> Floats:
+    """Give what a torque sets ringing by its corners: samples averaged before would bend there."""
+    fast = signals[CORNERS]
     step = step * signals["output_torque"].size / fast.size
     return _means(evaluate(effect, {"output_torque": fast}, values, step=step), signals)
 

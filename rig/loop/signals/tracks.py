@@ -17,6 +17,7 @@ from scipy.signal import savgol_filter
 
 from rig.config.dut import Dut, Rotation
 from rig.log.run import SWEEPS, ProcedureName, Run
+from rig.loop.signals.kinks import kinks
 from rig.loop.signals.living import ANGLES, TORQUES
 from rig.loop.signals.missing import between, filled, in_long_gaps, known_between, read_together, unheld
 from rig.loop.signals.outliers import outliers_drawn_in
@@ -82,6 +83,7 @@ class Track:
     `motor_position`, `output_position` rad; `T` and `M`: output and motor torque (N*m) as inputs of the springs,
     smoothed; `play_load`, `play_drive` (n * fine,) as inputs of a play, smoothed more and never thinned;
     `swept_torque` (n * fine,): the polyline that the output torque follows, never thinned, None where it follows none;
+    `corners` (n * fine,): that, or straight lines with the corners of a torque that follows none, None without any;
     `output_torque`, `motor_torque` as recorded, `motor_current` (A) where it cannot be turned into a torque.
     `ripple`: how the rotor of a free run moves about its constant speed. `speed`: rad/s of the leg at the motor (at
     the output if only that angle and no motor torque is known), 0 outside legs; `acceleration`: rad/s^2 of that shaft;
@@ -104,6 +106,7 @@ class Track:
     play_load: Floats | None
     play_drive: Floats | None
     swept_torque: Floats | None
+    corners: Floats | None
     output_torque: Floats | None
     motor_torque: Floats | None
     motor_current: Floats | None
@@ -196,6 +199,7 @@ def make_track(run: Run, dut: Dut) -> Track:
         play_load=None if moves else _clean(load, load_line, PLAY_SIDE, period),
         play_drive=None if moves else _clean(drive, drive_line, PLAY_SIDE, period),
         swept_torque=load_line,
+        corners=kinks(load, period) if load is not None and load_line is None else load_line,
         output_torque=output_torque,
         motor_torque=motor_torque,
         motor_current=current,
@@ -243,6 +247,7 @@ def thin_track(track: Track, over: float = SMOOTHING) -> Track:
         play_load=whole(track.play_load),
         play_drive=whole(track.play_drive),
         swept_torque=whole(track.swept_torque),
+        corners=whole(track.corners),
         output_torque=mean(track.output_torque),
         motor_torque=mean(track.motor_torque),
         motor_current=mean(track.motor_current),
@@ -272,6 +277,7 @@ def pick_rows(track: Track, rows: NDArray[np.intp]) -> Track:
         play_load=pick(track.play_load),
         play_drive=pick(track.play_drive),
         swept_torque=None,
+        corners=None,
         output_torque=pick(track.output_torque),
         motor_torque=pick(track.motor_torque),
         motor_current=pick(track.motor_current),
