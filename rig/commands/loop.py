@@ -12,6 +12,7 @@ from drivers.clock import RealClock
 from drivers.errors import ConfigError, Mistake
 from drivers.spelling import did_you_mean
 from rig.commands.further import Asked, devices_of, with_commands
+from rig.commands.report import REPORT_NAME
 from rig.config.dut import Dut, load_dut
 from rig.log.load import MOST_SAMPLES, READERS, load_runs
 from rig.log.names import writable_folder
@@ -60,16 +61,28 @@ def loop_command(paths: tuple[Path, ...], options: LoopCommand) -> None:
     """Trace, write the result, print the table."""
     law = _law(options.compliance)
     writable_folder(options.out)
+    _keep_the_base(options)
     with Stages(RealClock()) as stage:
         result = _traced(paths, options, law, stage)
         stage("drawing and writing the result")
         files = write_loop(result, options.out)
+        former = options.out / REPORT_NAME
+        if former.is_file():
+            former.unlink()
+            tell(f"! {former} was of the former result and is gone; `rig report {options.out}` makes the new one.")
     if options.as_json:
         emit(result.to_json())
         return
     print_result(result)
     print_files(files)
     tell(f"Next: rig report {options.out}")
+
+
+def _keep_the_base(options: LoopCommand) -> None:
+    """Raise ConfigError where the result would take the place of the base model that it starts from."""
+    if options.base is not None and options.base.resolve() in {p.resolve() for p in astuple(_files_in(options.out))}:
+        rule = f"holds {options.base.name}, the base model, which the result would replace"
+        raise ConfigError("-o", [Mistake("-o", str(options.out), rule)], hint="Choose another folder with -o.")
 
 
 def _traced(

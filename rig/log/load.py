@@ -1,5 +1,6 @@
 """Find and read the runs that a command line names."""
 
+import re
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
@@ -36,6 +37,9 @@ def load_runs(paths: Iterable[Path], most_samples: int | None = None) -> tuple[R
     if not files:
         raise DataError("RUN", "no run was given", expected="MCAP or CSV files, or folders of them")
     distinct = list({file.resolve(): file for file in files}.values())
+    for file in distinct:
+        if re.search("[\\ud800-\\udfff]", file.name):
+            raise DataError(ascii(file.name), "its name is not UTF-8", hint="Rename the file, and its sidecar.")
     counts = Counter(file.stem for file in distinct)
     runs: tuple[Run, ...] = ()
     for file in distinct:

@@ -1,13 +1,14 @@
 """Evaluate a model on runs: prediction and residual of every equation that a run allows, one CSV file a run."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.errors import DataError
+from drivers.errors import ConfigError, DataError, Mistake
 from rig.log.names import safe_name, writable_folder
 from rig.log.run import Run
 from rig.loop.files.model_file import Model as ModelFile
@@ -130,8 +131,41 @@ def _evaluated(piece: Piece, model: Model) -> Evaluation:
 
 
 def write_predictions(runs: Sequence[Run], model: ModelFile, folder: Path) -> tuple[Predicted, ...]:
-    """Write `<run>.csv` for every run; give the files with what remains. Raises DataError as `predict_run`."""
+    """Write `<run>.csv` for every run; give the files with what remains.
+
+    All are written aside and moved there at the end. Raises DataError as `predict_run`, ConfigError where they cannot
+    be written or one would take the place of a log that was read.
+    """
     writable_folder(folder)
+    _refuse_logs(runs, folder)
+    try:
+        with TemporaryDirectory(prefix=".unfinished-", dir=folder) as aside:
+            written = _written(runs, model, Path(aside))
+            for one in written:
+                one.file.replace(folder / one.file.name)
+    except OSError as error:
+        rule = f"cannot be written: {error.strerror or error}"
+        raise ConfigError("-o", [Mistake("-o", str(folder), rule)], hint="Choose another folder with -o.") from error
+    return tuple(replace(one, file=folder / one.file.name) for one in written)
+
+
+def _refuse_logs(runs: Sequence[Run], folder: Path) -> None:
+    """Raise ConfigError where a prediction would take the place of one of the logs."""
+    logs = {run.file.resolve() for run in runs}
+    taken = [path for run in runs if (path := _file_of(run, folder)).resolve() in logs]
+    if taken:
+        raise ConfigError(
+            "-o",
+            [Mistake("-o", str(folder), f"holds {taken[0].name}, a log that is read: it would be lost")],
+            hint="Choose another folder with -o.",
+        )
+
+
+def _file_of(run: Run, folder: Path) -> Path:
+    return folder / f"{safe_name(run.name)}.csv"
+
+
+def _written(runs: Sequence[Run], model: ModelFile, folder: Path) -> list[Predicted]:
     written = []
     for run in runs:
         predictions = predict_run(run, model)
@@ -143,8 +177,8 @@ def write_predictions(runs: Sequence[Run], model: ModelFile, folder: Path) -> tu
         for item in predictions:
             columns.append(item.settling.astype(float))
             names.append(f"{item.column}_settling[1]")
-        path = folder / f"{safe_name(run.name)}.csv"
+        path = _file_of(run, folder)
         np.savetxt(path, np.column_stack(columns), fmt="%.10g", delimiter=",", header=",".join(names), comments="")
         remaining = tuple(Remaining(item.equation, item.unit, item.rms, item.share) for item in predictions)
         written.append(Predicted(run.name, path, remaining))
-    return tuple(written)
+    return written

@@ -30,7 +30,14 @@ from rig.loop.signals.living import living
 from rig.loop.signals.recordings import check_recordings, too_short
 from rig.loop.signals.sweeps import check_sweeps, check_work
 from rig.loop.signals.tracks import SMOOTHING, Track, make_track
-from rig.loop.statements.before_after import BeforeAfter, before_and_after, equations_of, refuse_leaks, untested
+from rig.loop.statements.before_after import (
+    BeforeAfter,
+    before_and_after,
+    equations_of,
+    refuse_leaks,
+    unjudged,
+    untested,
+)
 from rig.loop.statements.events import events_of
 from rig.loop.statements.open_statements import open_statements
 from rig.loop.statements.remarks import doubts, far_from_prior, remarks, unadded
@@ -135,7 +142,11 @@ def _traced(
     model = model_of(final, terms, entries, dut, software_version(), options.base)
     right = {side: [pair for pair in pairs if pair.run not in wrong.told] for side, pairs in sides.items()}
     judged = equations_of(right, dut, final.model, wrong.runs)
-    still_open = (*wrong.open, *open_statements(selection, right["train"], right["held_out"], judged, dut))
+    still_open = (
+        *wrong.open,
+        *unjudged(equations, judged),
+        *open_statements(selection, right["train"], right["held_out"], judged, dut),
+    )
     steps, still_open = with_next_experiments(steps, selection.added, still_open, final, runs, dut, known)
     warnings = (
         *endings(runs),

@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from drivers.errors import DataError
 from rig.report.html import Markup, element, joined
 
 WIDTH, HEIGHT = 480.0, 310.0
@@ -18,6 +19,10 @@ TICKS = 5
 
 MARGIN = 0.05
 """Share of the range that is left free at either end of an axis."""
+
+
+LARGEST, LEAST = 1e100, 1e-100
+"""Sizes between which a value is drawn."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +63,23 @@ class Chart:
     marks: tuple[tuple[float, str], ...] = ()
 
 
+def _drawable(values: Sequence[float]) -> list[float]:
+    """Raise DataError where a value is beyond anything that is measured, and no axis has room for it."""
+    beyond = next((value for value in values if abs(value) > LARGEST), None)
+    if beyond is not None:
+        raise DataError(
+            "report",
+            "a value cannot be drawn",
+            value=beyond,
+            expected=f"sizes up to {LARGEST:g}",
+            hint="Make the result anew with `rig loop`.",
+        )
+    return list(values)
+
+
 def axis_over(label: str, values: Sequence[float], *, symmetric: bool = False) -> Axis:
     """Give a linear axis around the values; `symmetric` about zero."""
+    values = _drawable(values)
     low, high = min(values, default=0.0), max(values, default=1.0)
     if symmetric:
         high = max(abs(low), abs(high))
@@ -70,7 +90,7 @@ def axis_over(label: str, values: Sequence[float], *, symmetric: bool = False) -
 
 def log_axis_over(label: str, values: Sequence[float]) -> Axis:
     """Give a logarithmic axis around the positive values."""
-    positive = [value for value in values if value > 0.0] or [1.0]
+    positive = [value for value in _drawable(values) if value > LEAST] or [1.0]
     low, high = min(positive), max(positive)
     room = (high / low) ** MARGIN if high > low else 2.0
     return Axis(label, low / room, high * room, log=True)

@@ -151,7 +151,8 @@ def wave_generator_torsion(torque: Floats, K_w0: float, C_w: float) -> Floats:
 def wave_generator_stiffness(torque: Floats, K_w0: float, C_w: float) -> Floats:
     """Local stiffness of the wave generator, N*m/rad at the motor. Equation (25)."""
     check_wave_generator(K_w0, C_w)
-    return K_w0 * np.exp(C_w * np.abs(torque))
+    with np.errstate(over="ignore"):  # a torque beyond any device meets a rigid wave generator
+        return K_w0 * np.exp(C_w * np.abs(torque))
 
 
 def wave_generator_torque(torsion: Floats, K_w0: float, C_w: float) -> Floats:

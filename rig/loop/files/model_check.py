@@ -56,11 +56,16 @@ def mistakes_in(model: Model) -> list[Mistake]:
 
 
 def _base(model: Model) -> Iterator[Mistake]:
+    ratio, own = model.base.ratio, model.dut.gear.ratio
+    if ratio is not None and own is not None and not math.isclose(ratio, own, rel_tol=_RATIO_AGREES):
+        yield Mistake("base.ratio", ratio, f"contradicts dut.gear.ratio, which is {own:g}")
     table = parameter_table(model.dut, model.base.ratio, model.base.law)
     units = {entry.name: entry.unit for entry in table.entries}
     given = model.base.parameters
     for name, estimate in given.items():
         path = f"base.parameters.{name}"
+        if estimate.ci95 is not None and not estimate.ci95[0] <= estimate.ci95[1]:
+            yield Mistake(f"{path}.ci95", str(estimate.ci95), "must go from low to high")
         if name not in units:
             hint = did_you_mean(name, units)
             yield Mistake(

@@ -94,6 +94,13 @@ def alike(one: float, other: float, legs: Sequence[Sampling]) -> bool:
     )
 
 
+def stands_still(order: float, legs: Sequence[Sampling]) -> bool:
+    """Whether a line has the same phase at every sample of some leg, and so is no more than an offset of that leg."""
+    return any(
+        order > 0.5 * leg.per_turn and _away(order, leg) < DRIFT / leg.turns + SPEED_ERROR * order for leg in legs
+    )
+
+
 def aliases(order: float, highest: float, legs: Sequence[Sampling]) -> tuple[float, ...]:
     """Give the orders up to `highest` that look like `order` in every leg, lowest first, without itself."""
     if not legs:

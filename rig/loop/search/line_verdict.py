@@ -26,7 +26,7 @@ from rig.loop.search.acceptance import (
     pays_jointly,
     unpaid_by,
 )
-from rig.loop.search.aliases import beats, samplings, small_beats
+from rig.loop.search.aliases import beats, samplings, small_beats, stands_still
 from rig.loop.search.companions import next_line
 from rig.loop.search.compliance_form import other_compliance
 from rig.loop.search.decision import Accepted, Decision, Unadded
@@ -124,6 +124,8 @@ def _beats(ground: Ground, candidate: LineCandidate) -> str:
     legs = samplings(ground.fit.linear, proposal.kind.variable)
     if beats(proposal.order, ground.fit.linear, proposal.kind.variable, legs):
         return "it is the encoder's counts beating with the samples"
+    if stands_still(proposal.order, legs):
+        return "at one of the speeds every sample sees it alike: it may be an offset of those legs"
     # counts know of no torque, and do not beat at the very order that a gear errs with
     usual = proposal.expected and proposal.kind.effect == KINEMATIC_ERROR
     if proposal.kind.is_angle and not proposal.kind.entry.is_product and not usual:

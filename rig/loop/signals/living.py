@@ -21,6 +21,10 @@ TURNED_MOTOR, TURNED_OUTPUT = 6.0, 0.05
 """rad of travel of one shaft beyond which the other one must have moved."""
 
 
+PARTS, MORE_THAN_NOISE = 20, 3.0
+"""Parts of a run whose means are compared, and how many times the typical distance from them they must spread by."""
+
+
 def living(runs: Sequence[Run]) -> tuple[tuple[Run, ...], tuple[str, ...]]:
     """Give the runs without their dead channels, and a warning for every run that has any.
 
@@ -28,12 +32,12 @@ def living(runs: Sequence[Run]) -> tuple[tuple[Run, ...], tuple[str, ...]]:
     torsion follows is not known. Raises DataError where nothing changes in any run.
     """
     dead = {run.name: _dead(run) for run in runs}
-    still = [run.name for run in runs if dead[run.name] is None]
-    if runs and len(still) == len(runs):
+    if runs and not any(_moves(run) for run in runs):
         names = sorted({name for run in runs for name in (*ANGLES, *TORQUES) if name in run.signals})
         raise DataError(
-            ", ".join(still[:4]),
-            f"nothing changes in any run: {', '.join(names) or 'no position and no torque'} constant throughout",
+            ", ".join(run.name for run in runs[:4]),
+            f"nothing changes in any run: {', '.join(names) or 'no position and no torque'} constant throughout, but "
+            f"for noise",
             expected="positions and torques that a procedure moves",
             hint="Check that the channels are connected, and the columns and their scale in the mapping.",
         )
@@ -82,6 +86,25 @@ def _dead(run: Run) -> tuple[str, ...] | None:
     moved = motor > 0.0 or output > 0.0
     found += [name for name in TORQUES if moved and span.get(name, 1.0) == 0.0]
     return tuple(name for name in found if name in span)
+
+
+def _moves(run: Run) -> bool:
+    """Whether a position or a torque does more than its own noise."""
+    return any(_changes(run.signals[name]) for name in (*ANGLES, *TORQUES) if name in run.signals)
+
+
+def _changes(values: Floats) -> bool:
+    """Whether values change by more than noise does: means over parts of a run spread less, the more samples they have.
+
+    A noise that remembers lets them spread by all of it.
+    """
+    known = values[np.isfinite(values)]
+    size = known.size // PARTS
+    if size < 2:
+        return bool(known.size) and float(np.ptp(known)) > 0.0
+    means = known[: size * PARTS].reshape(PARTS, size).mean(axis=1)
+    noise = float(np.median(np.abs(known[: size * PARTS].reshape(PARTS, size) - means[:, None])))
+    return float(np.ptp(means)) > MORE_THAN_NOISE * noise
 
 
 def _alive(run: Run, dead: Mapping[str, tuple[str, ...] | None]) -> Iterable[str]:

@@ -45,6 +45,9 @@ LEAST_CORRELATION = 0.95
 OFF_CONSTANT = 0.05
 """Relative difference of torque constants that is said; magnets and copper lose less as they warm up."""
 
+SLOWEST = 2.0
+"""s between samples beyond which the unit of the time is doubtful."""
+
 _MEASURED = (*ANGLES, *TORQUES)
 _HELD = {ProcedureName.LOCKED_OUTPUT: "output_position", ProcedureName.BACKDRIVE: "motor_position"}
 """What a procedure holds may well be constant."""
@@ -194,6 +197,12 @@ def _of_the_logs(runs: Sequence[Run]) -> list[str]:
         )
         if constant:
             found.append(f"{run.name}: constant throughout: {', '.join(constant)}.")
+    slow = [run.name for run in runs if run.time.size > 1 and float(np.median(np.diff(run.time))) > SLOWEST]
+    if slow:
+        found.append(
+            f"Sampled less than once in {SLOWEST:g} s: {', '.join(slow)}. Check that the time is in seconds; what "
+            f"delays, creeps or rings faster than that is not seen for what it is."
+        )
     if coarse := _coarse(runs):
         found.append(coarse)
     gaps = {run.name: len(run.gaps) for run in runs if run.gaps}

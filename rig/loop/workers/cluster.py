@@ -1,5 +1,6 @@
 """The workers of a Dask cluster, each of which holds its share of the runs and all that is made of them."""
 
+import re
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
 from types import TracebackType
@@ -16,6 +17,9 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 R = TypeVar("R")
 P = ParamSpec("P")
+
+ADDRESS = re.compile(r"(\w+://)?\S+:\d+|inproc://\S+")
+"""What names a scheduler: a host and a port, or one in this process."""
 
 PATIENCE = 10.0
 """s that a scheduler is given to answer."""
@@ -75,6 +79,9 @@ def _client(address: str) -> "Client":
             [Mistake("--scheduler", address, "needs the extra `cluster`, which is not installed")],
             hint="Install the package with its extra: harmonic-rig[cluster].",
         ) from None
+    if not ADDRESS.fullmatch(address):
+        rule = "is no address of a Dask scheduler, such as tcp://127.0.0.1:8786"
+        raise ConfigError("--scheduler", [Mistake("--scheduler", address, rule)])
     try:
         client = Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:

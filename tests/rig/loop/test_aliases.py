@@ -6,7 +6,7 @@ import pytest
 from rig.log.run import Run
 from rig.loop.campaign import LoopOptions
 from rig.loop.result import LoopResult, Verdict
-from rig.loop.search.aliases import Sampling, aliases, alike, likeliest
+from rig.loop.search.aliases import Sampling, aliases, alike, likeliest, stands_still
 from rig.loop.trace import trace
 from tests.independent.campaign import Campaign, Plan
 from tests.independent.effects import Effects
@@ -31,6 +31,13 @@ def test_speeds_that_are_multiples_share_the_aliases_of_the_slowest() -> None:
 def test_speeds_that_are_no_multiples_share_none() -> None:
     assert aliases(84.0, 200.0, legs(240.0, 131.0, 77.0)) == ()
     assert not alike(84.0, 156.0, legs(240.0, 131.0))
+
+
+def test_a_line_that_every_sample_of_a_leg_sees_alike_stands_still_there() -> None:
+    assert stands_still(104.0, legs(131.0, 26.0))
+    assert stands_still(26.0, legs(26.0))
+    assert not stands_still(104.1, legs(131.0, 26.0))
+    assert not stands_still(2.0, legs(131.0, 26.0))
 
 
 def test_the_lowest_whole_order_is_the_likeliest() -> None:

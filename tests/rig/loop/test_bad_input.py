@@ -73,6 +73,19 @@ def test_a_campaign_in_which_nothing_changes_is_refused_with_its_channels() -> N
     assert "connected" in str(caught.value)
 
 
+def test_a_campaign_in_which_nothing_but_noise_changes_is_refused() -> None:
+    rng = np.random.default_rng(7)
+    still = {"motor_position": 1e-4, "output_position": 1e-6, "motor_torque": 2e-4, "output_torque": 0.02}
+    runs = []
+    for name in "ab":
+        one = turning_run(name, 1)
+        runs.append(replace(one, signals={k: s * rng.standard_normal(one.time.size) for k, s in still.items()}))
+    with pytest.raises(DataError, match=r"nothing changes in any run: .* but for noise"):
+        living(runs)
+    moved, _ = living([turning_run("a", 1), runs[1]])
+    assert moved[0].signals.keys() >= still.keys()
+
+
 @pytest.mark.parametrize("channel", ["motor_position", "output_position", "motor_torque", "output_torque"])
 def test_a_channel_that_stands_still_while_the_drive_turns_is_taken_as_not_recorded(channel: str) -> None:
     runs = [with_values(turning_run("a", 1), **{channel: 0.5}), turning_run("b", 2)]

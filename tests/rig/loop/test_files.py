@@ -108,6 +108,19 @@ def test_a_model_file_with_mistakes_names_each_of_them(tmp_path: Path) -> None:
     assert {mistake.path for mistake in caught.value.mistakes} == {"schema", "extra"}
 
 
+def test_a_prediction_never_takes_the_place_of_a_log(tmp_path: Path) -> None:
+    run = turning_run("a", 0)
+    file = tmp_path / f"{run.name}.csv"
+    file.write_text("the log\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match="a log that is read"):
+        write_predictions([replace(run, file=file)], result().model, tmp_path)
+    assert file.read_text(encoding="utf-8") == "the log\n"
+    (written,) = write_predictions([replace(run, file=file)], result().model, tmp_path / "out")
+    assert written.file == tmp_path / "out" / file.name
+    assert written.file.is_file()
+    assert [path.name for path in (tmp_path / "out").iterdir()] == [file.name]
+
+
 def test_a_prediction_and_its_residual_add_up_to_the_target() -> None:
     run = turning_run("d", 7)
     torque = next(item for item in predict_run(run, result().model) if item.equation == "motor-torque")

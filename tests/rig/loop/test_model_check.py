@@ -220,6 +220,17 @@ def test_a_base_parameter_that_cannot_be_is_refused(name, value, unit, rule, tmp
     assert told.startswith(rule.partition(" (did")[0])
 
 
+def test_a_ratio_that_is_not_the_device_s_is_refused(tmp_path):
+    written = model()
+    other = written.model_copy(update={"base": written.base.model_copy(update={"ratio": 50.0})})
+    assert refused(other, tmp_path) == [("base.ratio", f"contradicts dut.gear.ratio, which is {DUT.gear.ratio:g}")]
+
+
+def test_an_interval_from_high_to_low_is_refused(tmp_path):
+    ((path, rule),) = refused(model(T_fs=ModelEstimate(value=0.012, ci95=(9e9, 1.0), unit="N*m")), tmp_path)
+    assert (path, rule) == ("base.parameters.T_fs.ci95", "must go from low to high")
+
+
 def test_a_viscous_friction_that_would_drive_is_refused(tmp_path):
     level = ModelEstimate(value=0.012, unit="N*m")
     ((path, rule),) = refused(model(T_c=level, b=ModelEstimate(value=-1.0, unit="N*m*s")), tmp_path)

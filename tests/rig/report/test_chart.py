@@ -2,6 +2,7 @@ import re
 
 import pytest
 
+from drivers.errors import DataError
 from rig.report.chart import HEIGHT, WIDTH, Axis, Chart, Trace, axis_over, draw, log_axis_over, ticks
 
 
@@ -28,6 +29,13 @@ def test_a_point_lies_where_its_axes_say() -> None:
     middle = (left + width / 2, top + height / 2)
     assert found == [pytest.approx(p) for p in ((left, top + height), (left + width, top), middle)]
     assert (left + width, top + height) < (WIDTH, HEIGHT)
+
+
+@pytest.mark.parametrize("make", [axis_over, log_axis_over])
+def test_a_value_that_no_axis_has_room_for_is_refused(make) -> None:
+    with pytest.raises(DataError, match="cannot be drawn"):
+        make("x", [1.0, 1e308])
+    assert make("x", [1.0, 1e99]).high > 1e99
 
 
 @pytest.mark.parametrize("values", [[], [3.0], [0.0, 0.0], [1e-9, 2e-9], [-5.0, 7.0]])

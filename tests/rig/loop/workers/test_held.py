@@ -179,13 +179,21 @@ def test_a_process_of_a_pool_makes_no_pool_of_its_own(monkeypatch: pytest.Monkey
         assert held.map(held_within) == [True]
 
 
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "no address"])
-def test_a_scheduler_that_does_not_answer_is_said(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("address", "rule"),
+    [
+        ("tcp://127.0.0.1:9", "no Dask scheduler answers"),
+        ("no address", "is no address of a Dask scheduler"),
+        ("garbage", "is no address of a Dask scheduler"),
+        ("", "is no address of a Dask scheduler"),
+    ],
+)
+def test_a_scheduler_that_does_not_answer_is_said(address: str, rule: str, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed", reason="needs the extra `cluster`")
     from rig.loop.workers import cluster as on_cluster
 
     monkeypatch.setattr(on_cluster, "PATIENCE", 0.3)
-    with pytest.raises(ConfigError, match=r"--scheduler.*no Dask scheduler answers"), hold([1], [1], address):
+    with pytest.raises(ConfigError, match=f"--scheduler.*{rule}"), hold([1], [1], address):
         pass
 
 
