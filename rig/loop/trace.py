@@ -35,7 +35,6 @@ from rig.loop.statements.before_after import (
     before_and_after,
     equations_of,
     refuse_leaks,
-    unjudged,
     untested,
 )
 from rig.loop.statements.events import events_of
@@ -142,11 +141,7 @@ def _traced(
     model = model_of(final, terms, entries, dut, software_version(), options.base)
     right = {side: [pair for pair in pairs if pair.run not in wrong.told] for side, pairs in sides.items()}
     judged = equations_of(right, dut, final.model, wrong.runs)
-    still_open = (
-        *wrong.open,
-        *unjudged(equations, judged),
-        *open_statements(selection, right["train"], right["held_out"], judged, dut),
-    )
+    still_open = (*wrong.open, *open_statements(selection, right["train"], right["held_out"], judged, dut))
     steps, still_open = with_next_experiments(steps, selection.added, still_open, final, runs, dut, known)
     warnings = (
         *endings(runs),
@@ -160,7 +155,7 @@ def _traced(
         *remarks(known_tracks, runs, dut, final.model),
         *unadded(selection),
         *_left_out(known_tracks, ratio, fastest),
-        *untested(equations),
+        *untested(judged),
     )
     quiet = not steps and not still_open
     return LoopResult(

@@ -1,6 +1,5 @@
 """The errors before and after, equation by equation, with the floor; and the refusal of one that is too good."""
 
-import math
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
@@ -11,7 +10,7 @@ from rig.config.dut import Dut
 from rig.log.run import Run
 from rig.loop.model.equations import Equation, pieces_of
 from rig.loop.model.prediction import Model
-from rig.loop.result import ABOVE_FLOOR, EquationResult, Errors, Json, Open, Verdict
+from rig.loop.result import EquationResult, Errors
 from rig.loop.search.followed import up_to
 from rig.loop.signals.tracks import Track
 from rig.loop.statements.events import Event, without_events
@@ -93,39 +92,19 @@ def _pooled_errors(pairs: Sequence[BeforeAfter], floor: Floor | None) -> Errors:
 
 
 def untested(equations: Mapping[str, EquationResult]) -> list[str]:
-    """Say which procedures of which equation are fitted, and tested by no run that was held out."""
+    """Say which procedures of which equation are fitted, and tested by no run that was held out.
+
+    `equations`: errors without the runs that are experiments of another kind.
+    """
     found = []
     for name, item in equations.items():
         fitted, tested = ({} if side is None else side.by_procedure for side in (item.train, item.held_out))
         missing = [procedure for procedure in fitted if procedure not in tested]
         if missing:
             found.append(
-                f"No held-out run tests {name} in {', '.join(missing)}: nothing but the fitted runs says how well the "
-                f"model does there. Hold one out with --held-out, or record one more."
+                f"No held-out run of the same kind tests {name} in {', '.join(missing)}: nothing but the fitted runs "
+                f"says how well the model does there. Hold one out with --held-out, or record one more."
             )
-    return found
-
-
-def unjudged(equations: Mapping[str, EquationResult], judged: Mapping[str, EquationResult]) -> list[Open]:
-    """Report what is left far above the floor where every run that was held out is an experiment of another kind.
-
-    `judged`: the errors without those runs.
-    """
-    found = []
-    for name, item in equations.items():
-        known = judged[name].held_out if name in judged else None
-        for procedure, errors in ({} if item.held_out is None else item.held_out.by_procedure).items():
-            high = math.inf if errors.floor_ci95 is None else errors.floor_ci95[1]
-            if errors.rms_after > ABOVE_FLOOR * high and (known is None or procedure not in known.by_procedure):
-                evidence: dict[str, Json] = {
-                    "equation": name,
-                    "procedure": procedure,
-                    "rms_after": errors.rms_after,
-                    "floor_high": high,
-                    "meaning": "what is left lies above the floor in the only held-out runs, which are experiments of "
-                    "another kind than those that were fitted: nothing else tests the model there",
-                }
-                found.append(Open(verdict=Verdict.UNTRACED, evidence=evidence))
     return found
 
 
