@@ -4,7 +4,6 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from rich.console import Console
 
@@ -15,7 +14,7 @@ from rig.commands.further import Asked, devices_of, with_commands
 from rig.commands.report import REPORT_NAME
 from rig.config.dut import Dut, load_dut
 from rig.log.load import MOST_SAMPLES, READERS, load_runs
-from rig.log.names import writable_folder
+from rig.log.names import writable_folder, written_aside
 from rig.log.run import Run, averagings, endings
 from rig.loop.campaign import LoopOptions
 from rig.loop.files.model_storage import MODEL_NAME, load_model, write_model
@@ -66,10 +65,6 @@ def loop_command(paths: tuple[Path, ...], options: LoopCommand) -> None:
         result = _traced(paths, options, law, stage)
         stage("drawing and writing the result")
         files = write_loop(result, options.out)
-        former = options.out / REPORT_NAME
-        if former.is_file():
-            former.unlink()
-            tell(f"! {former} was of the former result and is gone; `rig report {options.out}` makes the new one.")
     if options.as_json:
         emit(result.to_json())
         return
@@ -170,18 +165,15 @@ def dut_of(runs: Sequence[Run]) -> Dut:
 def write_loop(result: LoopResult, out: Path) -> LoopFiles:
     """Write `loop.json`, `model.json`, `views.json` for the report, the table and the plot into `out`.
 
-    All are written aside and moved there at the end: if it is interrupted, what was there stays as it was.
+    If it is interrupted, what was there stays as it was. A report of the former result goes, and that is said.
     """
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        with TemporaryDirectory(prefix=".unfinished-", dir=out) as aside:
-            written = _write_all(result, Path(aside))
-            files = _files_in(out)
-            for new, place in zip(astuple(written), astuple(files), strict=True):
-                new.replace(place)
-    except OSError as error:
-        raise ConfigError("-o", [Mistake("-o", str(out), f"cannot be written: {error.strerror or error}")]) from error
-    return files
+    with written_aside(out) as aside:
+        _write_all(result, aside)
+    former = out / REPORT_NAME
+    if former.is_file():
+        former.unlink()
+        tell(f"! {former} was of the former result and is gone; `rig report {out}` makes the new one.")
+    return _files_in(out)
 
 
 def _files_in(folder: Path) -> LoopFiles:
@@ -190,14 +182,13 @@ def _files_in(folder: Path) -> LoopFiles:
     )
 
 
-def _write_all(result: LoopResult, folder: Path) -> LoopFiles:
+def _write_all(result: LoopResult, folder: Path) -> None:
     files = _files_in(folder)
     plot_loop(result, files.plot)
     files.result.write_text(json.dumps(result.to_json(), indent=2, allow_nan=False) + "\n", encoding="utf-8")
     write_model(result.model, files.model)
     write_views(result.views, files.views)
     files.table.write_text(text_of(result) + "\n", encoding="utf-8")
-    return files
 
 
 def print_files(files: LoopFiles) -> None:

@@ -1,8 +1,10 @@
 """Names from files made fit for use as file names and as log fields."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from drivers.errors import ConfigError, Mistake
 
@@ -40,3 +42,20 @@ def writable_folder(folder: Path) -> None:
         raise ConfigError(
             "-o", [Mistake("-o", str(folder)[:80], reason)], hint="Choose another folder with -o."
         ) from error
+
+
+@contextmanager
+def written_aside(folder: Path) -> Iterator[Path]:
+    """Give a folder to write files into, which are moved to `folder` together when all of them are there.
+
+    If writing fails or is interrupted, `folder` stays as it was. Raises ConfigError where it cannot be written.
+    """
+    writable_folder(folder)
+    try:
+        with TemporaryDirectory(prefix=".unfinished-", dir=folder) as aside:
+            yield Path(aside)
+            for file in sorted(Path(aside).iterdir()):
+                file.replace(folder / file.name)
+    except OSError as error:
+        rule = f"cannot be written: {error.strerror or error}"
+        raise ConfigError("-o", [Mistake("-o", str(folder), rule)], hint="Choose another folder with -o.") from error

@@ -3,13 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import ConfigError, DataError, Mistake
-from rig.log.names import safe_name, writable_folder
+from rig.log.names import safe_name, written_aside
 from rig.log.run import Run
 from rig.loop.files.model_file import Model as ModelFile
 from rig.loop.fitting.base import start_model
@@ -136,16 +135,9 @@ def write_predictions(runs: Sequence[Run], model: ModelFile, folder: Path) -> tu
     All are written aside and moved there at the end. Raises DataError as `predict_run`, ConfigError where they cannot
     be written or one would take the place of a log that was read.
     """
-    writable_folder(folder)
     _refuse_logs(runs, folder)
-    try:
-        with TemporaryDirectory(prefix=".unfinished-", dir=folder) as aside:
-            written = _written(runs, model, Path(aside))
-            for one in written:
-                one.file.replace(folder / one.file.name)
-    except OSError as error:
-        rule = f"cannot be written: {error.strerror or error}"
-        raise ConfigError("-o", [Mistake("-o", str(folder), rule)], hint="Choose another folder with -o.") from error
+    with written_aside(folder) as aside:
+        written = _written(runs, model, aside)
     return tuple(replace(one, file=folder / one.file.name) for one in written)
 
 

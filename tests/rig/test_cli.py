@@ -248,6 +248,15 @@ def test_logs_of_starting_torques_do_not_count_as_runs_for_the_loop(tmp_path):
     assert told.endswith(f"Logs in {tmp_path}.\n")
 
 
+def test_a_result_never_takes_the_place_of_its_own_base_model(tmp_path):
+    base = tmp_path / "model.json"
+    base.write_text("the base model")
+    answer = rig("loop", tmp_path, "--base", base, "-o", tmp_path)
+    assert answer.exit_code == 2
+    assert "the base model, which the result would replace" in " ".join(answer.stderr.split())
+    assert base.read_text() == "the base model"
+
+
 def test_a_prediction_of_an_aborted_run_says_that_it_was_aborted(tmp_path):
     base = ModelBase(model="zhang-2014", ratio=100.0, parameters={})
     write_model(Model(schema="rig.model/1", dut=default_dut()[0], base=base, software="0"), tmp_path / "model.json")

@@ -180,7 +180,7 @@ def curve_of(effect: str, enters: str, parameters: Set[str], values: Mapping[str
         return None
     at = [values.get(f"at_{k + 1}", math.nan) for k in range(knots)]
     zero = zero_of(at, Enters(place), factor) if forms[0] is Form.CURVE else -1
-    if values.get(f"value_{zero + 1}", 0.0) != 0.0:
+    if values.get(f"value_{zero + 1}", 0.0) != 0.0:  # the file says otherwise: none of its knots is held at 0
         zero = -1
     return Curve(Enters(place), variable, forms[0], factor, knots, zero)
 

@@ -24,6 +24,7 @@ from rig.loop.search.unknown import unnamed
 from rig.loop.search.withdraw import withdraw, withdraw_lines
 
 MOST_LINES = 16
+"""Lines that are added at most."""
 
 
 def select(
@@ -42,8 +43,8 @@ def select(
     current = base
     decisions = list(given)
     unadded: list[Unadded] = []
-    here: _View | None = None
-    while len(current.model.lines) < MOST_LINES:
+    here: _Tried | None = None
+    while len(current.model.lines) - len(base.model.lines) < MOST_LINES:
         count = len(current.model.lines) + len(current.model.shapes)
         on_stage(f"trying every effect on what is left, {count} added so far")
         here = _look(pieces, current, known)
@@ -76,19 +77,19 @@ def select(
 
 
 @dataclass(frozen=True, slots=True)
-class _View:
-    """What is left of a fit, and everything that may explain it, alone."""
+class _Tried:
+    """Everything that may explain what is left of a fit, each alone, best first."""
 
     ground: Ground
     lines: list[LineCandidate]
     shapes: list[ShapeTrial]
 
 
-def _look(pieces: Material, current: Fit, known: Mapping[str, float]) -> _View:
+def _look(pieces: Material, current: Fit, known: Mapping[str, float]) -> _Tried:
     ground = prepare(current)
     lines = line_candidates(ground, known)
     most = max((line.trial.gain for line in lines), default=0.0)
-    return _View(ground, lines, shape_candidates(pieces, ground, known, most))
+    return _Tried(ground, lines, shape_candidates(pieces, ground, known, most))
 
 
 def _with(decisions: Sequence[Decision], new: Decision, orders: Sequence[float]) -> list[Decision]:

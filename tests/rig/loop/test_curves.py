@@ -192,6 +192,14 @@ def test_what_follows_a_recorded_signal_nearly_as_well_as_the_time_is_taken_firs
     assert time_last([]) == []
 
 
+def test_a_knot_that_a_model_file_does_not_hold_at_zero_is_no_zero() -> None:
+    values = {"at_1": -1.0, "at_2": 0.0, "at_3": 1.0, "value_1": 3.0, "value_2": 2.0, "value_3": 1.0}
+    found = curve_of("unnamed:output_torque:static", "torsion", values.keys(), values)
+    assert found is not None
+    assert found.zero == -1
+    assert curve_of("unnamed:output_torque:static", "torsion", values.keys(), {**values, "value_2": 0.0}).zero == 1
+
+
 SMALL = Plan(locked_angles=6, locked_pairs=1, backdrives=3, backdrive_pairs=1, free_runs=2, free_run_pairs=1)
 STEPS_AT, HEIGHT = 5.0, 8e-6
 """N*m at which the torsion jumps, and by how much (rad) either way."""

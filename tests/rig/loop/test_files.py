@@ -108,6 +108,15 @@ def test_a_model_file_with_mistakes_names_each_of_them(tmp_path: Path) -> None:
     assert {mistake.path for mistake in caught.value.mistakes} == {"schema", "extra"}
 
 
+def test_the_report_of_a_former_result_goes_with_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_loop(result(), tmp_path)
+    assert "former" not in capsys.readouterr().err
+    (tmp_path / "report.html").write_text("of the former", encoding="utf-8")
+    write_loop(result(), tmp_path)
+    assert not (tmp_path / "report.html").exists()
+    assert "report.html was of the former result and is gone" in capsys.readouterr().err
+
+
 def test_a_prediction_never_takes_the_place_of_a_log(tmp_path: Path) -> None:
     run = turning_run("a", 0)
     file = tmp_path / f"{run.name}.csv"

@@ -48,6 +48,15 @@ def test_two_encoders_show_a_kinematic_error_and_the_sweeps_stay_untraced(torque
     assert {item.evidence.get("procedure") for item in result.open} >= {"locked-output"}
 
 
+def test_an_offset_of_the_legs_at_one_speed_is_no_line_that_every_sample_sees_alike() -> None:
+    # without a torque the windup under another friction stays in the torsion, leg by leg
+    plan = replace(SMALL, locked_angles=4, output_turns=0.6)
+    runs, _ = runs_of(Campaign(23, plan=plan, rate=100.0))
+    angles = ("motor_position", "output_position")
+    bare = [replace(run, signals={name: run.signals[name] for name in angles}) for run in runs]
+    assert trace(bare, dut(), LoopOptions()).effects == ()
+
+
 def test_a_campaign_of_which_means_are_kept_is_traced_and_says_so() -> None:
     runs, held_out = runs_of(Campaign(5, effects=KINEMATIC, plan=SMALL, rate=200.0))
     result = trace([averaged(run) for run in runs], dut(), LoopOptions(held_out=held_out))
