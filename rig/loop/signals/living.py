@@ -1,9 +1,10 @@
-"""Channels that stand still while the drive moves: dead, and as good as not recorded.
+"""Channels that stand still while the drive moves, dead and as good as not recorded; and torques that only some have.
 
 Used as a reading, a dead encoder is a torsion as large as the travel, and a dead torque sensor a drive without load.
+Sweeps with a torque and sweeps without it do not follow one law: the torque would be missing physics of the others.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +22,9 @@ TURNED_MOTOR, TURNED_OUTPUT = 6.0, 0.05
 """rad of travel of one shaft beyond which the other one must have moved."""
 
 
+TORQUE_AT = {"output": ("output_torque",), "motor": ("motor_torque", "motor_current")}
+"""Channels that say the torque at a shaft."""
+
 PARTS, MORE_THAN_NOISE = 20, 3.0
 """Parts of a run whose means are compared, and how many times the typical distance from them they must spread by."""
 
@@ -28,10 +32,9 @@ PARTS, MORE_THAN_NOISE = 20, 3.0
 def living(runs: Sequence[Run]) -> tuple[tuple[Run, ...], tuple[str, ...]]:
     """Give the runs without their dead channels, and a warning for every run that has any.
 
-    A sweep whose torque is dead, where other sweeps of its kind have that torque, is left out as a whole: what its
-    torsion follows is not known. Raises DataError where nothing changes in any run.
+    Where only some sweeps of a procedure have a torque, the fewer are left out, or taken without it. Raises DataError
+    where nothing changes in any run.
     """
-    dead = {run.name: _dead(run) for run in runs}
     if runs and not any(_moves(run) for run in runs):
         names = sorted({name for run in runs for name in (*ANGLES, *TORQUES) if name in run.signals})
         raise DataError(
@@ -43,24 +46,37 @@ def living(runs: Sequence[Run]) -> tuple[tuple[Run, ...], tuple[str, ...]]:
         )
     kept, warnings = [], []
     for run in runs:
-        lost = dead[run.name]
-        if lost is None:
+        if _dead(run) is None:
             kept.append(_without(run, run.signals))
             warnings.append(f"{run.name}: nothing changes in it, left out.")
-            continue
-        others = {name for other in runs if other.procedure is run.procedure for name in _alive(other, dead)}
-        missed = [name for name in lost if name in TORQUES and name in others]
-        if missed and run.procedure in SWEEPS:
-            kept.append(_without(run, run.signals))
-            warnings.append(
-                f"{run.name}: {_and(missed)} stood still while the run went on, and other {run.procedure} runs have "
-                f"it: the run is left out. Repeat it."
-            )
             continue
         run, warning = without_dead(run)
         kept.append(run)
         warnings += [warning] if warning else []
+    for procedure in SWEEPS:
+        for shaft, channels in TORQUE_AT.items():
+            kept, told = _alike(kept, procedure, shaft, channels)
+            warnings += told
     return tuple(kept), tuple(warnings)
+
+
+def _alike(
+    runs: Sequence[Run], procedure: ProcedureName, shaft: str, channels: tuple[str, ...]
+) -> tuple[list[Run], list[str]]:
+    """Leave out the sweeps without a torque (`channels`) that most have, or take from the few what most lack."""
+    sweeps = [run for run in runs if run.procedure is procedure and run.signals]
+    with_it = {run.name for run in sweeps if run.signals.keys() & set(channels)}
+    without = {run.name for run in sweeps} - with_it
+    if not with_it or not without:
+        return list(runs), []
+    few = without if len(without) <= len(with_it) else with_it
+    kept = [run if run.name not in few else _without(run, run.signals if few is without else channels) for run in runs]
+    what = (
+        f"no torque of the {shaft} was recorded, and other {procedure} runs have it: the run is left out. Repeat it."
+        if few is without
+        else f"most {procedure} runs have no torque of the {shaft}: taken without it."
+    )
+    return kept, [f"{run.name}: {what}" for run in runs if run.name in few]
 
 
 def without_dead(run: Run) -> tuple[Run, str]:
@@ -105,11 +121,6 @@ def _changes(values: Floats) -> bool:
     means = known[: size * PARTS].reshape(PARTS, size).mean(axis=1)
     noise = float(np.median(np.abs(known[: size * PARTS].reshape(PARTS, size) - means[:, None])))
     return float(np.ptp(means)) > MORE_THAN_NOISE * noise
-
-
-def _alive(run: Run, dead: Mapping[str, tuple[str, ...] | None]) -> Iterable[str]:
-    lost = dead[run.name]
-    return () if lost is None else set(run.signals) - set(lost)
 
 
 def _span(values: Floats) -> float:

@@ -1,6 +1,7 @@
-"""Torques smoothed by straight lines and cubics, so that corners stay and nothing but noise goes."""
+"""Torques and temperatures smoothed by lines and cubics, so that corners stay and nothing but noise goes."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.polynomial.polynomial import polyfit, polyval
@@ -12,14 +13,15 @@ from rig.loop.signals.noise import left_in_mean, noise_and_memory
 
 Floats = NDArray[np.float64]
 
-SPANS = (0.2, 0.6, 2.0, 6.0)
-"""s over which a torque that is no polyline is smoothed by cubics, where it follows them."""
+SPANS, THERMAL_SPANS = (0.2, 0.6, 2.0, 6.0), (2.0, 6.0, 20.0, 60.0)
+"""s over which a torque that is no polyline, and a temperature, are smoothed by cubics, where they follow them."""
 
 CUBIC_CENTRE = 2.25
 """Variance of the centre of a fitted cubic over that of the mean of its samples."""
 
-SCATTERS, AGREE = 3.0, 3.0
-"""Standard deviations within which samples scatter about a cubic, and cubics of different length agree."""
+SCATTERS, AGREE, AGREE_AT_ENDS = 3.0, 3.0, 6.0
+"""Standard deviations within which samples scatter about a cubic, and cubics of different length agree; at the ends of
+a record the shorter ones are twice as uncertain."""
 
 FEWEST, MIN_SIDE = 7, 4
 """Samples of a log, and on a side, without which torques are left as they are."""
@@ -28,11 +30,12 @@ LEAST_SCATTER = 1e-200
 """Variance of a line through samples that lie on it."""
 
 
-def smooth(values: Floats, side: int, period: float) -> Floats:
-    """Take the noise from a torque (n,), N*m: corners are kept, and cubics fitted wherever the torque follows them.
+def smooth(values: Floats, side: int, period: float, spans: Sequence[float] = SPANS) -> Floats:
+    """Take the noise from a signal (n,): corners are kept, and cubics fitted wherever the signal follows them.
 
-    side: samples on either side over which all is smoothed. period: s between samples. A longer cubic counts where the
-    samples scatter about it no more than their noise, and where it agrees with what the shorter ones gave.
+    side: samples on either side over which all is smoothed. period: s between samples. `spans`: s of the cubics. A
+    longer one counts where the samples scatter about it no more than their noise, and where it agrees with what the
+    shorter ones gave.
     """
     if values.size < FEWEST:
         return values
@@ -41,15 +44,18 @@ def smooth(values: Floats, side: int, period: float) -> Floats:
     shorter = 1 if found is values else 2 * side + 1
     least = noise * left_in_mean(memory, shorter)
     found = found.copy()
-    for width in (2 * round(0.5 * span / period) + 1 for span in SPANS):
+    for width in (2 * round(0.5 * span / period) + 1 for span in spans):
         if not max(4 * side, FEWEST) < width <= values.size:
             continue
         cubic = _cubics(values, width)
         scatter = uniform_filter1d((values - cubic) ** 2, width)
-        variance = CUBIC_CENTRE * noise * left_in_mean(memory, width)
-        good = scatter <= noise * (1.0 + SCATTERS * math.sqrt(2.0 / width))
+        about = uniform_filter1d(noise, width)  # what a few blocks say is too uncertain for as many samples
+        variance = CUBIC_CENTRE * about * left_in_mean(memory, width)
+        good = scatter <= about * (1.0 + SCATTERS * math.sqrt(2.0 / width))
         apart = np.abs(uniform_filter1d(cubic - found, shorter))
-        good &= apart <= AGREE * np.sqrt(noise * left_in_mean(memory, 2 * shorter))
+        agree = np.full(values.size, AGREE)
+        agree[:shorter] = agree[-shorter:] = AGREE_AT_ENDS
+        good &= apart <= agree * np.sqrt(noise * left_in_mean(memory, 2 * shorter))
         good &= variance < least
         found[good], least[good] = cubic[good], variance[good]
         shorter = width
@@ -80,6 +86,8 @@ def corners_kept(values: Floats, side: int) -> Floats:
         return values
     spans = ((-side, 0), (-side, side), (0, side))
     lines, scatter = (np.stack(found) for found in zip(*(_straight(values, *span) for span in spans), strict=True))
+    # a few samples at an end of the record lie on a line by chance
+    scatter[0, : side // 2], scatter[2, values.size - side // 2 :] = math.inf, math.inf
     worse = np.maximum(scatter / np.maximum(scatter.min(axis=0), LEAST_SCATTER), 1.0)
     # the variance of a fitted end point is four times, that of a centre once the mean's over half as many samples
     weight = np.array([0.25, 2.0, 0.25])[:, None] * np.exp(-0.5 * side * (worse - 1.0))

@@ -24,7 +24,7 @@ from rig.loop.signals.outliers import outliers_drawn_in
 from rig.loop.signals.polyline import polyline
 from rig.loop.signals.ripple import Ripple, speed_ripple
 from rig.loop.signals.saturation import at_limit, cut_off, doubtful_after
-from rig.loop.signals.smoothing import MIN_SIDE, smooth
+from rig.loop.signals.smoothing import MIN_SIDE, THERMAL_SPANS, smooth
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -38,6 +38,9 @@ LEAST_THERE = 0.5
 SPRING_SIDE, PLAY_SIDE = 0.025, 0.1
 """s on either side over which torques are smoothed at least before they enter a spring or a play, unless the whole
 torque is a polyline."""
+
+THERMAL_SIDE = 0.5
+"""s on either side over which a temperature is smoothed at least: what stores heat does not jump."""
 
 SPEED_BAND = 0.08
 """A sample belongs to a leg if its speed is within this share of the leg's speed."""
@@ -66,7 +69,8 @@ MOVES = 1.0
 HELD_SPEED = 0.3
 """rad/s at the motor; slower sweeps from hold to hold are held still."""
 
-CONDITIONS = ("temperature", "motor_temperature", "bus_voltage", "supply_voltage")
+TEMPERATURES = ("temperature", "motor_temperature")
+CONDITIONS = (*TEMPERATURES, "bus_voltage", "supply_voltage")
 """Signals of the contract beside angles and torques that terms may use, as they may any further one of a log."""
 
 _PREDICTED = (*ANGLES, *TORQUES)
@@ -204,7 +208,7 @@ def make_track(run: Run, dut: Dut) -> Track:
         motor_torque=motor_torque,
         motor_current=current,
         ripple=_ripple(run, motor_position, motor_torque, leg_speed),
-        auxiliary=_auxiliary(run),
+        auxiliary=_auxiliary(run, period),
         torque_constant=dut.motor.torque_constant,
         acceleration=_acceleration(run.time, angle, speed, period, moves=moves),
         speed=leg_speed,
@@ -291,14 +295,19 @@ def pick_rows(track: Track, rows: NDArray[np.intp]) -> Track:
     )
 
 
-def _auxiliary(run: Run) -> dict[str, Floats]:
-    """Give what no equation predicts; where a value is missing for a while, it is taken from its neighbours in time."""
+def _auxiliary(run: Run, period: float) -> dict[str, Floats]:
+    """Give what no equation predicts; where a value is missing for a while, it is taken from its neighbours in time.
+
+    A temperature without its noise: what lags behind it would start at the noise of the first sample.
+    """
     found = {}
     conditions = {name: run.signals[name] for name in CONDITIONS if name in run.signals}
     for name, values in {**run.auxiliary, **conditions}.items():
         if np.isfinite(values).any():
             good = np.isfinite(values)
             found[name] = np.interp(run.time, run.time[good], values[good])
+    for name in found.keys() & set(TEMPERATURES):
+        found[name] = smooth(found[name], round(THERMAL_SIDE / period), period, THERMAL_SPANS)
     return found
 
 

@@ -83,7 +83,8 @@ def primary_equation(kind: TermClass | ShapeClass, final: Fit) -> Equation:
 
 
 def _index_error(final: Fit, line: Line, dut: Dut) -> tuple[float, float]:
-    """Give what an angle known to one count only does to a line: standard deviations of phase (rad) and order (1/rev).
+    """Give what an angle known to one count only does to a line: by how much its phase may be off, rad, at most, and
+    the standard deviation of its order, 1/rev.
 
     Where in its count a shaft stands is unknown and common to all runs; in which count a run's zero was found is not,
     and tilts the order over the spread of the angles.
@@ -97,8 +98,8 @@ def _index_error(final: Fit, line: Line, dut: Dut) -> tuple[float, float]:
         return 0.0, 0.0
     total, angles, squares = np.sum(list(known.values()), axis=0)
     spread = max(math.sqrt(max(squares / total - (angles / total) ** 2, 0.0)), 1e-9)
-    count = line.order * 2.0 * math.pi / counts / math.sqrt(12.0)
-    return count, count / math.sqrt(len(known)) / spread
+    count = line.order * 2.0 * math.pi / counts
+    return 0.5 * count, count / math.sqrt(12.0 * len(known)) / spread
 
 
 def _moments(item: LinearPiece, variable: str) -> tuple[float, float, float] | None:
@@ -112,16 +113,17 @@ def line_estimates(
 ) -> dict[str, Estimate]:
     """Give amplitude, order (unless fixed) and phase with intervals from the covariance (2, 2) or (3, 3).
 
-    `index`: standard deviations of phase (rad) and order that an angle known to one count only adds.
+    `index`: what an angle known to one count only adds, to the phase (rad) at most and to the order's variance.
     """
-    phase_error, order_error = index
+    phase_bound, order_error = index
     size = max(line.amplitude, 1e-300)
     by_amplitude = np.zeros(columns.shape[0])
     by_phase = np.zeros(columns.shape[0])
     by_amplitude[:2] = line.sine / size, line.cosine / size
     by_phase[:2] = -line.cosine / size**2, line.sine / size**2
     half = factor * math.sqrt(max(float(by_amplitude @ columns @ by_amplitude), 0.0))
-    turn = factor * math.sqrt(max(float(by_phase @ columns @ by_phase), 0.0) + phase_error**2)
+    # which side of its count a shaft is read on is no chance that evens out: the bound is added whole
+    turn = factor * math.sqrt(max(float(by_phase @ columns @ by_phase), 0.0)) + phase_bound
     phase = wrapped(shown.phase)
     found = {"amplitude": Estimate(line.amplitude, (line.amplitude - half, line.amplitude + half), unit)}
     if columns.shape[0] == 3:

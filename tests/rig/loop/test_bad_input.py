@@ -1,6 +1,6 @@
 """Logs and device files that are wrong: what is wrong is said with its name and value, and no effect is made up."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -105,12 +105,44 @@ def test_a_locked_output_and_a_held_motor_are_not_dead() -> None:
     assert living(runs) == (tuple(runs), ())
 
 
-def test_a_sweep_whose_torque_is_dead_is_left_out_where_others_have_it_and_no_effect_is_made_of_it() -> None:
+def without(run: Run, *channels: str) -> Run:
+    return replace(run, signals={name: values for name, values in run.signals.items() if name not in channels})
+
+
+DRIVE = ("motor_torque", "motor_current")
+
+
+@pytest.mark.parametrize(
+    ("spoil", "shaft"),
+    [
+        (lambda run: with_values(run, output_torque=1.0), "output"),
+        (lambda run: without(run, "output_torque"), "output"),
+        (lambda run: without(run, *DRIVE), "motor"),
+    ],
+    ids=["dead output torque", "no output torque", "no motor torque"],
+)
+def test_a_sweep_without_a_torque_that_others_have_is_left_out_and_no_effect_is_made_of_it(
+    spoil: Callable[[Run], Run], shaft: str
+) -> None:
     runs, held_out = drawn(LOCKED)
-    result = trace([with_values(runs[0], output_torque=1.0), *runs[1:]], dut(), LoopOptions(held_out=held_out))
+    result = trace([spoil(runs[0]), *runs[1:]], dut(), LoopOptions(held_out=held_out))
     assert (result.verdict, result.effects) == (Verdict.NONE, ())
-    assert any(f"{runs[0].name}: output_torque stood still" in text and "Repeat it" in text for text in result.warnings)
+    said = f"{runs[0].name}: no torque of the {shaft} was recorded, and other locked-output runs have it"
+    assert any(said in text and "Repeat it" in text for text in result.warnings)
     assert runs[0].name not in result.model.runs
+
+
+def test_where_most_sweeps_lack_a_torque_the_few_are_taken_without_it() -> None:
+    runs, _ = drawn(LOCKED)
+    kept, warnings = living([runs[0], *(without(run, *DRIVE) for run in runs[1:])])
+    assert all(not run.signals.keys() & set(DRIVE) and "output_torque" in run.signals for run in kept)
+    assert warnings == (f"{runs[0].name}: most locked-output runs have no torque of the motor: taken without it.",)
+
+
+def test_a_current_says_the_torque_of_the_motor_too() -> None:
+    runs, _ = drawn(LOCKED)
+    mixed = [without(runs[0], "motor_torque"), *runs[1:]]
+    assert living(mixed) == (tuple(mixed), ())
 
 
 def test_motor_torque_that_is_zero_throughout_gives_no_equation_of_it_and_no_gain_as_an_effect() -> None:
