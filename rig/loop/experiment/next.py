@@ -168,6 +168,8 @@ def _of_open(
         return _survey("free-run", bench, "Something changes between the speeds that were run: vary")
     if "odd_runs" in item.evidence:
         return _odd_again(item, runs, bench)
+    if "frequency" in item.evidence:
+        return _quiet_again(item, runs, bench)
     repeating = float(str(item.evidence.get("replicate_pairs") or 0)) > 0
     procedures = [str(item.evidence["procedure"])] if "procedure" in item.evidence else [run.procedure for run in runs]
     names = [name for name in dict.fromkeys(procedures) if name in PROCEDURES and name != ProcedureName.STARTING_TORQUE]
@@ -254,6 +256,17 @@ def _odd_again(item: Open, runs: Sequence[Run], bench: Bench | None) -> NextExpe
     if procedure not in PROCEDURES:
         return NextExperiment(why, "")
     return _timed(why, procedure, _as_recorded(procedure, chosen), bench, repeat=2)
+
+
+def _quiet_again(item: Open, runs: Sequence[Run], bench: Bench | None) -> NextExperiment | None:
+    """Repeat a run of the procedure in which it hums, with what may hum switched off."""
+    procedure, hertz = str(item.evidence["procedure"]), float(str(item.evidence["frequency"]))
+    why = (
+        f"Something goes on at {hertz:.4g} Hz: switch off fans, pumps and other drives one after the other, a run each."
+    )
+    if procedure not in PROCEDURES:
+        return NextExperiment(why, "")
+    return _timed(why, procedure, _as_recorded(procedure, runs), bench)
 
 
 def _timed(

@@ -36,6 +36,9 @@ KEYS: Mapping[str, Key] = MappingProxyType(
         "ljung_box_per_lag": Key(
             "memory (Ljung-Box per lag)", "1", "how the residual at 10 Hz follows itself: about 1 for white noise"
         ),
+        "frequency": Key("frequency", "Hz", "of a hum over the time"),
+        "amplitude": Key("amplitude", OF_EQUATION, "of the hum"),
+        "legs": Key("legs", "1", "stretches of one speed, or sweeps, out of whose noise it stands"),
         "share_of_squares": Key("share of the squares", "1", "what such a shape would explain of them"),
         "p_value": Key("chance of noise", "1", "that noise alone would look so, in this one test"),
         "looks_like": Key("looks like", "", "effects that the residual resembles, without passing the tests"),
@@ -77,7 +80,7 @@ def in_words(evidence: Mapping[str, T], of_equation: tuple[str, float]) -> list[
         error = unit == OF_EQUATION
         if value is None or (key == "unit" and "," not in own):
             continue
-        said = {OF_EQUATION: shown, OF_STATEMENT: own}.get(unit, unit if unit == "rad/s" else "")
+        said = {OF_EQUATION: shown, OF_STATEMENT: own}.get(unit, unit if unit in ("rad/s", "Hz") else "")
         found.append((key, words_of(key), _scaled(value, scale) if error and shown else value, said))
     return found
 

@@ -24,6 +24,7 @@ from rig.loop.statements.colour import cleaned_away, slow_noise
 from rig.loop.statements.dwells import LEAST_DWELL, MEDIAN_TO_SIGMA, dwell_of, quantisation_square
 from rig.loop.statements.events import Event
 from rig.loop.statements.evidence import Memory, Repeats, memory, repeats
+from rig.loop.statements.hums import Hum, hum_of, without_hum
 from rig.loop.statements.report_steps import base_estimates
 from rig.loop.statements.residuals import Residual, by_procedure, pairs
 
@@ -154,6 +155,10 @@ def _left_over(
     """Judge what is left of every equation and procedure; `recorded`: with the events that `residuals` lack."""
     found = []
     for members in by_procedure(residuals).values():
+        hum = hum_of(members)
+        if hum is not None:
+            found.append(_hum(hum))
+            members = [without_hum(residual, hum) for residual in members]
         judged = repeats(members, dut, model)
         if judged is not None:
             if judged.structured:
@@ -182,6 +187,22 @@ def _uncontrolled(item: Repeats, channels: Json) -> Open:
             "channels": channels,
             "meaning": "the residual does not repeat between replicates, and is no noise of the colour that the dwells "
             "show: something acts that is not held, or an event",
+        },
+    )
+
+
+def _hum(item: Hum) -> Open:
+    return Open(
+        verdict=Verdict.UNCONTROLLED,
+        evidence={
+            "equation": item.equation,
+            "procedure": item.procedure,
+            "frequency": item.frequency,
+            "amplitude": item.amplitude,
+            "legs": item.legs,
+            "p_value": item.p_value,
+            "meaning": "a hum over the time, at one frequency whatever the speed; it does not keep step with the logs, "
+            "so that no term predicts it",
         },
     )
 

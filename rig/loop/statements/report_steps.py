@@ -83,8 +83,7 @@ def primary_equation(kind: TermClass | ShapeClass, final: Fit) -> Equation:
 
 
 def _index_error(final: Fit, line: Line, dut: Dut) -> tuple[float, float]:
-    """Give what an angle known to one count only does to a line: by how much its phase may be off, rad, at most, and
-    the standard deviation of its order, 1/rev.
+    """Give what an angle known to one count only does to a line: largest error of its phase, rad, spread of its order.
 
     Where in its count a shaft stands is unknown and common to all runs; in which count a run's zero was found is not,
     and tilts the order over the spread of the angles.
