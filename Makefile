@@ -52,9 +52,9 @@ campaign: $(STAMP) ## every row of "What a campaign establishes" in docs/effects
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -m campaign tests/rig/loop
 
 CHALLENGE := runs/challenge
-challenge: $(STAMP) ## blind test: hidden effects, naming, errors, intervals (an hour; SMALL=1, SCALE=n, DEV=1 for other seeds)
+challenge: $(STAMP) ## blind test: hidden effects, naming, errors, intervals (an hour; SMALL=1, SCALE=n, DEV=1, SEEDS=A:B)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.challenge --workers 2 -o $(CHALLENGE) \
-		$(if $(SMALL),--small) $(if $(SCALE),--scale $(SCALE)) $(if $(DEV),--dev)
+		$(if $(SMALL),--small) $(if $(SCALE),--scale $(SCALE)) $(if $(DEV),--dev) $(if $(SEEDS),--seeds $(SEEDS))
 
 clean:           ## remove the virtual environment and caches
 	rm -rf tests/foreign/node_modules $(VENV) .pytest_cache .mypy_cache .ruff_cache build *.egg-info

@@ -51,6 +51,10 @@ MEANINGS: Mapping[Verdict, str] = MappingProxyType(
 """What each verdict says; the glossary and the page of the loop say the same."""
 
 
+FOUND_NOT_ADDED = "Found, not added"
+"""How a warning begins that tells of a term which was significant and not added."""
+
+
 def first_verdict(verdicts: Sequence[Verdict]) -> Verdict:
     """Give the most serious verdict; `none` if there is nothing to say."""
     return next((verdict for verdict in Verdict if verdict in verdicts), Verdict.NONE)
@@ -241,7 +245,11 @@ class Silence:
 
 @dataclass(frozen=True, slots=True)
 class LoopResult:
-    """Everything the loop says about a campaign. Names of runs, not paths. `silence`: with the verdict `none` only."""
+    """Everything the loop says about a campaign. Names of runs, not paths.
+
+    `silence`: with the verdict `none` only. `apart`: held-out runs that are experiments of another kind, whose errors
+    the verdict does not count.
+    """
 
     train: tuple[str, ...]
     held_out: tuple[str, ...]
@@ -253,6 +261,7 @@ class LoopResult:
     model: Model
     views: Views = field(default_factory=Views)
     silence: Silence | None = None
+    apart: tuple[str, ...] = ()
 
     @property
     def verdict(self) -> Verdict:

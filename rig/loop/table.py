@@ -10,6 +10,7 @@ from rig.loop.files.evidence_keys import expected_of, in_words
 from rig.loop.files.model_file import ModelBase, ModelEstimate
 from rig.loop.predict import Predicted
 from rig.loop.result import (
+    FOUND_NOT_ADDED,
     MEANINGS,
     EquationResult,
     Errors,
@@ -78,9 +79,14 @@ MOST_LISTED = 6
 """Events and the like that a line of text lists; all are in `loop.json`."""
 
 
+MOST_FOUND = 3
+"""Terms that were found and not added, of which the terminal and the text tell."""
+
+
 def headline(result: LoopResult) -> str:
     """Say the verdict with its meaning, from how many runs, and what was added."""
     held = f"{counted(len(result.train), 'run')} fitted, {len(result.held_out)} held out"
+    held += f", not counting {', '.join(result.apart)}, of another kind" if result.apart else ""
     added = f"added: {', '.join(result.effects)}" if result.effects else "nothing was added"
     return f"Verdict: {result.verdict}: {MEANINGS[result.verdict]} ({held}; {added})."
 
@@ -96,7 +102,10 @@ def statements(result: LoopResult) -> list[str]:
         lines.append("? " + _statement(item, result.equations))
         lines += _next(item.next_experiment)
     lines += _silence(result.silence) if result.silence is not None else []
-    return lines + [f"! {warning}" for warning in result.warnings]
+    found = [warning for warning in result.warnings if warning.startswith(FOUND_NOT_ADDED)]
+    shown = [warning for warning in result.warnings if warning not in found[MOST_FOUND:]]
+    more = [f"! {FOUND_NOT_ADDED}: {counted(len(found) - MOST_FOUND, 'more line')} in loop.json and the report."]
+    return [*lines, *(f"! {warning}" for warning in shown), *(more if len(found) > MOST_FOUND else [])]
 
 
 def _silence(silence: Silence) -> list[str]:
@@ -111,7 +120,10 @@ def floor_remark(result: LoopResult) -> str:
     """Say which errors lie above the floor's interval and are no statement; "" where none does."""
     held_out = {name: item.held_out for name, item in result.equations.items() if item.held_out is not None}
     told = {(str(x.evidence.get("equation", "")), str(x.evidence.get("procedure", ""))) for x in result.open}
-    return above_floor(held_out, told)
+    text = above_floor(held_out, told)
+    if text and result.apart:
+        text += f" Not what {', '.join(result.apart)} leave there, of another kind and not counted."
+    return text
 
 
 def _base(base: ModelBase) -> list[str]:

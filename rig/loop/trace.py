@@ -4,6 +4,7 @@ Training runs alone decide what is added, named, or withdrawn. Held-out runs are
 """
 
 from collections.abc import Callable, Mapping, Sequence, Set
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -17,14 +18,15 @@ from rig.loop.experiment.next import with_next_experiments
 from rig.loop.files.views_file import Views
 from rig.loop.fitting.base import known_parameters, pieces_to_fit, start_model
 from rig.loop.fitting.normal import about
+from rig.loop.fitting.odd_run import odd_run
 from rig.loop.fitting.starts import scaled_to_data
 from rig.loop.model.equations import Piece, pieces_of
 from rig.loop.model.prediction import Model
-from rig.loop.result import LoopResult, Step
+from rig.loop.result import LoopResult, Open, Step, Verdict
 from rig.loop.search.decision import Selection
 from rig.loop.search.followed import faster_than, known_speed, select_followed
 from rig.loop.search.given import given_decisions
-from rig.loop.signals.checks import check_gear, check_magnitudes, check_signs, check_torques
+from rig.loop.signals.checks import check_gear, check_jumps, check_magnitudes, check_signs, check_torques
 from rig.loop.signals.grid import check_counts
 from rig.loop.signals.living import living
 from rig.loop.signals.recordings import check_recordings, too_short
@@ -48,6 +50,10 @@ from rig.loop.workers.held import Held
 from rig.loop.workers.hold import hold
 from rig.provenance import software_version
 from rig.terminal import counted
+
+UNEXPLAINED = (Verdict.UNTRACED, Verdict.UNCONTROLLED)
+HELD_OUT_EVIDENCE = frozenset({"floor_high", "held_out_rms_after"})
+"""Keys of statements that rest on held-out runs."""
 
 A_RUN = 5_000.0
 """Samples that make as much work as whatever is done for a run however short it is."""
@@ -73,14 +79,35 @@ def trace(
     started = clock.now()
     campaign = split_runs(runs, options)
     check_magnitudes(runs)
+    check_jumps(runs)
     used, dead = living([*campaign.train, *campaign.held_out])
+    alive = {run.name for run in used if run.signals}
+    runs = [run for run in runs if run.name in alive]
     check_recordings(runs)
     check_sweeps(runs, dut)
     check_counts(runs, dut)
     fitted = {run.name for run in campaign.train}
     with hold(used, [_work(run, fitted) for run in used], options.scheduler) as held:
-        result = _traced(held, campaign, runs, dut, options, dead, on_stage)
+        result, odd = _traced(held, campaign, runs, dut, options, dead, on_stage)
+        if odd is not None and any(item.verdict in UNEXPLAINED for item in _of_training(result)):
+            on_stage(f"once more without {odd}")
+            with suppress(DataError):  # the others alone may not make an equation
+                without, _ = _traced(held, campaign, runs, dut, options, dead, on_stage, odd)
+                if not without.steps and all(item.evidence.get("run") == odd for item in _of_training(without)):
+                    result = without
     return replace(result, elapsed=clock.now() - started)
+
+
+def _of_training(result: LoopResult) -> list[Open]:
+    """Give the open statements that no held-out run had a say in: they alone may decide what is fitted."""
+    held_out = set(result.held_out)
+
+    def is_of_training(item: Open) -> bool:
+        odd = item.evidence.get("odd_runs")
+        names = {str(name) for name in odd} if isinstance(odd, list) else set()
+        return not HELD_OUT_EVIDENCE & item.evidence.keys() and (not names or not names <= held_out)
+
+    return [item for item in result.open if is_of_training(item)]
 
 
 def _work(run: Run, fitted: Set[str]) -> float:
@@ -102,8 +129,12 @@ def _traced(
     options: LoopOptions,
     dead: Sequence[str],
     on_stage: Callable[[str], None],
-) -> LoopResult:
-    """Trace the runs that are held, those of the campaign in its order. `dead`: what to say of channels left out."""
+    odd: str = "",
+) -> tuple[LoopResult, str | None]:
+    """Trace the runs that are held, those of the campaign in its order; give the run that bends the base model, too.
+
+    `dead`: what to say of channels left out. `odd`: a run of the training runs that is left out.
+    """
     tracks = held.keep(make_track, dut)
     known_tracks = tracks.gather()
     train, held_out = known_tracks[: len(campaign.train)], known_tracks[len(campaign.train) :]
@@ -112,6 +143,7 @@ def _traced(
     check_torques(known_tracks, ratio)
     check_work(runs)
     start = scaled_to_data(start_model(dut, ratio, options.law, options.base), train)
+    train = [track for track in train if track.name != odd]
     names = frozenset(track.name for track in train)
     pieces = tracks.spread(pieces_to_fit, names, ratio, start)
     _check_equations(pieces, train, held_out, ratio, campaign)
@@ -125,9 +157,9 @@ def _traced(
     pairs = _looked_at(tracks, ratio, fastest, base.model, final.model, dut)
     sides = {
         "train": [pair for pair in pairs if pair.run in names],
-        "held_out": [pair for pair in pairs if pair.run not in names],
+        "held_out": [pair for pair in pairs if pair.run not in names and pair.run != odd],
     }
-    wrong = wrong_experiments(train, held_out, [pair.calm for pair in pairs], dut, final.model)
+    wrong = wrong_experiments(known_tracks, names, [pair.calm for pair in pairs], dut, final.model, odd)
     equations = equations_of(sides, dut, final.model, wrong.runs)
     refuse_leaks(equations, campaign.held_out)
     changes = {
@@ -149,6 +181,7 @@ def _traced(
         *campaign.warnings,
         *dead,
         *too_short(runs),
+        *([f"{odd}: left out of the fit, as the others agree without it."] if odd else []),
         *wrong.warnings,
         *far_from_prior(final, still_open),
         *doubts(final),
@@ -158,7 +191,7 @@ def _traced(
         *untested(judged),
     )
     quiet = not steps and not still_open
-    return LoopResult(
+    result = LoopResult(
         train=tuple(run.name for run in campaign.train),
         held_out=tuple(run.name for run in campaign.held_out),
         equations=equations,
@@ -169,7 +202,9 @@ def _traced(
         model=model,
         views=_views(sides, selection, steps, campaign, dut),
         silence=silence_of(selection, [pair.calm for pair in right["train"]], dut) if quiet else None,
+        apart=tuple(run.name for run in campaign.held_out if run.name in wrong.told),
     )
+    return result, odd_run(base)
 
 
 def _check_equations(

@@ -1,11 +1,11 @@
 """The report of a loop: from the statement in one sentence to the provenance."""
 
 from rig.loop.files.views_file import ResidualView
+from rig.loop.result import FOUND_NOT_ADDED
 from rig.report.figures import cycle_figure, residual_figure, spectrum_figure
 from rig.report.html import NOTHING, Markup, element, joined
 from rig.report.loop_file import LoopFile
 from rig.report.loop_sections import (
-    FOUND_NOT_ADDED,
     badge,
     base_table,
     candidates_table,

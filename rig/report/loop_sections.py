@@ -38,8 +38,6 @@ from rig.terminal import counted
 from sim_backend.model.effects import CATALOGUE
 
 ERROR_TITLES = ("equation", "unit", "before", "after", "removed", "floor", "floor, 95 %", "max before", "max after", "")
-FOUND_NOT_ADDED = "Found, not added"
-"""How a warning begins that tells of a term which was found and left out."""
 
 MEANINGS: Mapping[str, str] = MappingProxyType(
     {

@@ -14,6 +14,7 @@ from rig.config.dut import Dut
 from rig.log.run import Run
 from rig.loop.campaign import LoopOptions
 from rig.loop.trace import trace
+from rig.provenance import git_state
 from tests.challenge import on_bench
 from tests.challenge.cases import Case, make_case
 from tests.challenge.scoring import score
@@ -90,9 +91,11 @@ def _brief(answer: dict[str, Any]) -> dict[str, Any]:
 
 
 def run_all(cases: Iterable[tuple[str, int]], folder: Path, workers: int) -> None:
-    """Run every case that has no line yet in the folder's files; each line is appended as soon as it is there."""
+    """Run every case that this code has no line of in the folder's files; each is appended as soon as it is there."""
     folder.mkdir(parents=True, exist_ok=True)
-    open_cases = [(family, seed, folder) for family, seed in cases if (family, seed) not in done(folder)]
+    code = git_state()
+    known = done(folder, code)
+    open_cases = [(family, seed, folder, code) for family, seed in cases if (family, seed) not in known]
     if workers == 1:
         for item in open_cases:
             _append(item)
@@ -102,9 +105,9 @@ def run_all(cases: Iterable[tuple[str, int]], folder: Path, workers: int) -> Non
             pass
 
 
-def _append(item: tuple[str, int, Path]) -> None:
-    family, seed, folder = item
-    if (family, seed) in done(folder):  # another process was faster
+def _append(item: tuple[str, int, Path, str]) -> None:
+    family, seed, folder, code = item
+    if (family, seed) in done(folder, code):  # another process was faster
         return
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -115,7 +118,7 @@ def _append(item: tuple[str, int, Path]) -> None:
             print(f"{family} {seed}: not recorded, a limit of the bench ended a run: {error}", flush=True)
             return
     with (folder / f"{family}.jsonl").open("a") as file:
-        file.write(json.dumps(line) + "\n")
+        file.write(json.dumps({**line, "code": code}) + "\n")
     found = ", ".join(line.get("added", [])) or line.get("error", "-")
     print(
         f"{family} {seed} {line['design']} {line['noise']}: {', '.join(line['hidden'])} -> {line['naming']}: {found}",
@@ -123,9 +126,9 @@ def _append(item: tuple[str, int, Path]) -> None:
     )
 
 
-def done(folder: Path) -> set[tuple[str, int]]:
-    """Give the cases that have a line."""
-    return {(line["family"], line["seed"]) for line in lines_in(folder)}
+def done(folder: Path, code: str) -> set[tuple[str, int]]:
+    """Give the cases that have a line of this code, a commit: what another loop answered is asked again."""
+    return {(line["family"], line["seed"]) for line in lines_in(folder) if line.get("code") == code}
 
 
 def lines_in(folder: Path) -> list[dict[str, Any]]:

@@ -5,7 +5,6 @@ with what does, by hand. Where nothing names a rival, the odd run is repeated or
 """
 
 import json
-import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 
@@ -31,7 +30,8 @@ from rig.loop.model.shapes import ShapeClass
 from rig.loop.model.terms import TermClass
 from rig.loop.result import NextExperiment, Open, Step, Verdict
 from rig.loop.search.decision import Decision
-from rig.loop.search.groups import LEAST_START_ANGLES, QUOTIENT, SINGLE_ANGLE_SET, TWINS
+from rig.loop.search.groups import QUOTIENT, SINGLE_ANGLE_SET, TWINS
+from rig.loop.search.start_angles import enough, start_angle
 from sim_backend.errors import ModelError
 from sim_backend.model.effects import CATALOGUE
 
@@ -312,16 +312,13 @@ def _covers(seen: Sequence[Piece], coming: Sequence[Piece]) -> bool:
     Some of the runs to come will be held out.
     """
     known, new = _starts(seen), _starts(coming)
-    held_out = max(1, round(HELD_OUT_SHARE * len(new)))
-    return math.inf in known | new or len(known | new) - held_out >= LEAST_START_ANGLES
+    return enough(known | new, max(1, round(HELD_OUT_SHARE * len(new))))
 
 
 def _starts(pieces: Iterable[Piece]) -> set[float]:
-    """Give the mean angles of the torsion's runs in tenths of a radian; infinity for one that turns."""
-    found: set[float] = set()
-    for piece in pieces:
-        angle = piece.track.motor_position
-        if piece.equation is Equation.TORSION and angle is not None:
-            turns = float(np.ptp(angle[piece.index])) >= 2.0 * math.pi
-            found.add(math.inf if turns else round(float(angle[piece.index].mean()) % (2.0 * math.pi) / 0.1))
-    return found
+    """Give the start angles of the torsions, see `start_angle`."""
+    return {
+        start_angle(piece.track.motor_position[piece.index])
+        for piece in pieces
+        if piece.equation is Equation.TORSION and piece.track.motor_position is not None
+    }

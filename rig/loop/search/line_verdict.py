@@ -1,6 +1,5 @@
 """Whether a line is added, under which name, and why not."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -30,10 +29,11 @@ from rig.loop.search.aliases import beats, samplings, small_beats, stands_still
 from rig.loop.search.companions import next_line
 from rig.loop.search.compliance_form import other_compliance
 from rig.loop.search.decision import Accepted, Decision, Unadded
-from rig.loop.search.groups import LEAST_START_ANGLES, SET_SHARE, SINGLE_ANGLE_SET, TWINS
+from rig.loop.search.groups import SET_SHARE, SINGLE_ANGLE_SET, TWINS
 from rig.loop.search.line_candidates import LineCandidate
 from rig.loop.search.proposals import KINEMATIC_ERROR, Proposal, is_nameless_angle, same_place
 from rig.loop.search.shape_trials import ShapeTrial, scales_of
+from rig.loop.search.start_angles import enough, start_angle
 from rig.loop.search.trial import Ground, Trial, consistent, explain_the_same, followed_up_to, prepare, try_line
 from rig.loop.search.tried import by_gain, tried_line, tried_shape
 
@@ -253,17 +253,11 @@ def _angle_of(item: LinearPiece, kind: TermClass, size: float) -> float:
 
 def _angles_cover(ground: Ground) -> bool:
     """Whether torsion was seen over a whole motor turn, or from enough start angles."""
-    starts: set[int] = set()
-    for start, turns in (one for one in ground.fit.linear.map(_start) if one is not None):
-        if turns:
-            return True
-        starts.add(start)
-    return len(starts) >= LEAST_START_ANGLES
+    return enough({start for start in ground.fit.linear.map(_start) if start is not None})
 
 
-def _start(item: LinearPiece) -> tuple[int, bool] | None:
-    """Give the mean motor angle of a torsion in tenths of a radian, and whether it turns; None of anything else."""
+def _start(item: LinearPiece) -> float | None:
+    """Give the start angle of a torsion, see `start_angle`; None of anything else."""
     if item.piece.equation is not Equation.TORSION:
         return None
-    angle = item.evaluation.positions["motor_position"][item.piece.index]
-    return round(float(angle.mean()) % (2.0 * math.pi) / 0.1), bool(np.ptp(angle) >= 2.0 * math.pi)
+    return start_angle(item.evaluation.positions["motor_position"][item.piece.index])

@@ -8,6 +8,7 @@ import numpy as np
 from rig.loop.fitting.fit import Fit, Material, fit, refit
 from rig.loop.fitting.intervals import covariance, quantile
 from rig.loop.fitting.normal import LinearPiece
+from rig.loop.model.curves import Curve
 from rig.loop.model.prediction import Model
 from rig.loop.model.shapes import ShapeTerm
 from rig.loop.model.terms import Line, TermClass
@@ -26,7 +27,7 @@ def _withdraw_shapes(pieces: Material, current: Fit, alpha: float, given: Model)
         here = next(x for x in current.model.shapes if x.kind == kind)
         shapes = tuple(x for x in current.model.shapes if x is not here)
         without = fit(pieces.all, replace(current.model, shapes=shapes), current.noise, passes=3, block=current.block)
-        if not _pays(without, current, here, alpha):
+        if not _pays(without, current, here, alpha) or _size_may_be_nothing(current, here):
             current = refit(pieces, current, without.model)
     return current
 
@@ -37,6 +38,17 @@ def _pays(without: Fit, current: Fit, here: ShapeTerm, alpha: float) -> bool:
     if trial.gain <= 0.0:
         return pays_jointly(without, current)
     return trial.single_p <= alpha and trial.pays > 0.0
+
+
+def _size_may_be_nothing(state: Fit, here: ShapeTerm) -> bool:
+    """Whether the intervals of all amplitudes of an effect hold zero; never of a curve, judged as a whole."""
+    if isinstance(here.effect, Curve):
+        return False
+    place = state.columns.of_shape(state.model.shapes.index(here))
+    spread, names = covariance(state)[place, place], [here.effect.parameters[k].name for k in here.free]
+    halves = {name: quantile(state) * math.sqrt(max(float(spread[n, n]), 0.0)) for n, name in enumerate(names)}
+    sizes = [(here.value(name), halves[name]) for name in here.effect.amplitudes if name in halves]
+    return bool(sizes) and all(abs(value) < half for value, half in sizes)
 
 
 def withdraw_lines(pieces: Material, current: Fit, alpha: float, given: Model) -> Fit:

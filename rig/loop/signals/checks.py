@@ -8,13 +8,16 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from drivers.errors import DataError
 from drivers.signals import BY_NAME
 from rig.config.dut import Dut
 from rig.log.run import SWEEPS, ProcedureName, Run
+from rig.loop.signals.living import ANGLES
 from rig.loop.signals.recordings import FEWEST_SAMPLES
 from rig.loop.signals.tracks import Track
+from rig.terminal import counted
 
 Floats = NDArray[np.float64]
 
@@ -28,6 +31,17 @@ a drift) may lift the far end; over less than 1 rad in proportion."""
 
 LEAST_TRAVEL = 6.0
 """rad at the motor over which a ratio can be measured."""
+
+OTHER_RATIO, FEWEST_TURNING = 0.2, 3
+"""Relative distance of one run's ratio from the others' median that is another scale, and runs that tell a median."""
+
+OTHER_COMPLIANCE = 10.0
+"""Factor between the winding of one sweep and that of most others beyond which a unit or the lock is wrong."""
+
+DEGREES = 180.0 / np.pi
+
+LEAST_JUMP, JUMP, STEPS_AROUND, GAP = 0.1, 10.0, 9, 0.3
+"""rad of a jump at least, times the median of the steps around it, of how many; and s that are a gap, not a step."""
 
 NEARLY_WHOLE = 1e-5
 """Relative distance of a measured ratio from a whole number, below which it is that number: teeth are counted."""
@@ -129,6 +143,7 @@ def _products(motor: Floats, output: Floats) -> Floats:
 
 def check_gear(tracks: Sequence[Track], dut: Dut) -> float | None:
     """Give the ratio to use: the device file's, or the measured one, or None. Raises DataError where they disagree."""
+    _check_each_ratio(tracks)
     slope = measured_slope(tracks)
     given = dut.gear.ratio
     if slope is None:
@@ -159,12 +174,111 @@ def check_gear(tracks: Sequence[Track], dut: Dut) -> float | None:
     return float(whole) if abs(-slope / whole - 1.0) < NEARLY_WHOLE else -slope
 
 
+def _check_each_ratio(tracks: Sequence[Track]) -> None:
+    """Raise DataError for a run whose encoders say another ratio than those of most others: a unit, a sign, a swap."""
+    slopes = {track.name: slope for track in tracks if (slope := measured_slope([track])) is not None}
+    if len(slopes) < FEWEST_TURNING:
+        return
+    usual = float(np.median(list(slopes.values())))
+    for name, slope in slopes.items():
+        factor = slope / usual
+        if abs(factor - 1.0) < OTHER_RATIO:
+            continue
+        raise DataError(
+            name,
+            f"the motor turns {-slope:.6g} times for one turn of the output, in most runs {-usual:.6g} times",
+            column="motor_position, output_position",
+            value=-slope,
+            expected=f"a ratio within {100 * OTHER_RATIO:.0f} % of the other runs'",
+            hint=f"{_why_ratio(factor, usual)} Correct the column's unit or sign in the mapping, or leave the run out.",
+        )
+
+
+def _why_ratio(factor: float, usual: float) -> str:
+    """Say what makes the slope between the encoders `factor` times the `usual` one."""
+    known = {
+        -1.0: "One encoder counts the other way.",
+        DEGREES: "motor_position looks like degrees.",
+        1.0 / DEGREES: "output_position looks like degrees.",
+        usual**-2: "The encoders look swapped.",
+    }
+    return next((text for value, text in known.items() if abs(factor / value - 1.0) < OTHER_RATIO), "One is scaled.")
+
+
+def check_jumps(runs: Sequence[Run]) -> None:
+    """Raise DataError for an angle that jumps from one sample to the next: one that wraps, or lost its place."""
+    for run in runs:
+        for name in ANGLES:
+            if name not in run.signals:
+                continue
+            at = _jumps(run.time, run.signals[name])
+            if not at.size:
+                continue
+            step = float(run.signals[name][at[0] + 1] - run.signals[name][at[0]])
+            wraps = abs(abs(step) / (2.0 * np.pi) - 1.0) < OTHER_RATIO
+            raise DataError(
+                str(run.file),
+                f"{name} jumps by {step:.4g} rad at {run.time[at[0]]:.6g} s, {counted(at.size, 'time')} in this run",
+                column=name,
+                value=step,
+                expected="an angle that goes on from sample to sample, over full turns too",
+                hint="It wraps at a full turn: unwrap it before the import."
+                if wraps
+                else "The encoder lost its place or single values are wrong: leave the run out or repeat it.",
+            )
+
+
+def _jumps(time: Floats, angle: Floats) -> NDArray[np.intp]:
+    """Give the samples after which an angle steps by far more than its speed around them lets it."""
+    if angle.size < FEWEST_SAMPLES:
+        return np.zeros(0, dtype=np.intp)
+    apart = np.diff(time)
+    way = np.nan_to_num(np.diff(angle))
+    speed = median_filter(way / np.maximum(apart, 1e-12), STEPS_AROUND, mode="nearest")
+    off = np.abs(way - speed * apart)
+    around = median_filter(np.abs(way), STEPS_AROUND, mode="nearest")
+    return np.flatnonzero((off > np.maximum(LEAST_JUMP, JUMP * around)) & (apart < GAP))
+
+
 def check_signs(tracks: Sequence[Track], ratio: float | None) -> None:
-    """Raise DataError where a torque has the wrong sign: it must wind the drive up, and drive what it turns."""
+    """Raise DataError where a torque has the wrong sign: it must wind the drive up, and drive what it turns.
+
+    Where one sweep winds by another order of magnitude than the others, its unit is wrong, and that is said instead.
+    """
+    for procedure in SWEEPS:
+        _check_each_compliance([track for track in tracks if track.procedure is procedure])
     for track in tracks:
         if np.count_nonzero(track.usable) >= FEWEST_SAMPLES:
             _check_torsion(track, ratio)
             _check_power(track, ratio)
+
+
+def _check_each_compliance(sweeps: Sequence[Track]) -> None:
+    """Raise DataError for a sweep of a procedure that winds up far more or less by its torque than most others."""
+    found: dict[str, float] = {}
+    name = "output_position"
+    for track in sweeps:
+        name = "motor_position" if track.procedure is ProcedureName.LOCKED_OUTPUT else "output_position"
+        angle = track.motor_position if name == "motor_position" else track.output_position
+        if angle is None or track.T is None or np.count_nonzero(track.usable) < FEWEST_SAMPLES:
+            continue
+        torque = float(np.ptp(track.T[track.usable]))
+        if torque > 0.0:
+            found[track.name] = float(np.ptp(angle[track.usable])) / torque
+    usual = float(np.median(list(found.values()))) if len(found) >= FEWEST_TURNING else 0.0
+    for run, compliance in found.items():
+        if usual == 0.0 or 1.0 / OTHER_COMPLIANCE < compliance / usual < OTHER_COMPLIANCE:
+            continue
+        degrees = any(0.5 < compliance / usual / value < 2.0 for value in (DEGREES, 1.0 / DEGREES))
+        raise DataError(
+            run,
+            f"{name} moves by {compliance:.3g} rad for 1 N*m of output_torque, in most sweeps by {usual:.3g} rad",
+            column=name,
+            value=compliance,
+            expected=f"within a factor {OTHER_COMPLIANCE:g} of the other sweeps'",
+            hint=f"{'Degrees and radians look mixed up. ' if degrees else ''}Check the unit of the angle and of the "
+            f"torque in this run, and whether the lock held; leave the run out or repeat it.",
+        )
 
 
 def _check_torsion(track: Track, ratio: float | None) -> None:

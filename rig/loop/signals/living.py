@@ -46,9 +46,10 @@ def living(runs: Sequence[Run]) -> tuple[tuple[Run, ...], tuple[str, ...]]:
         )
     kept, warnings = [], []
     for run in runs:
-        if _dead(run) is None:
+        if not _moves(run):
             kept.append(_without(run, run.signals))
-            warnings.append(f"{run.name}: nothing changes in it, left out.")
+            seconds = float(np.ptp(run.time)) if run.time.size else 0.0
+            warnings.append(f"{run.name}: nothing but noise changes in its {seconds:.3g} s, left out. Was it aborted?")
             continue
         run, warning = without_dead(run)
         kept.append(run)
@@ -97,7 +98,8 @@ def _dead(run: Run) -> tuple[str, ...] | None:
     found = []
     if motor == 0.0 and (output > TURNED_OUTPUT or (loaded and run.procedure is ProcedureName.LOCKED_OUTPUT)):
         found.append("motor_position")
-    if output == 0.0 and (motor > TURNED_MOTOR or (loaded and run.procedure is ProcedureName.BACKDRIVE)):
+    turned = motor > TURNED_MOTOR and run.procedure is not ProcedureName.LOCKED_OUTPUT
+    if output == 0.0 and (turned or (loaded and run.procedure is ProcedureName.BACKDRIVE)):
         found.append("output_position")
     moved = motor > 0.0 or output > 0.0
     found += [name for name in TORQUES if moved and span.get(name, 1.0) == 0.0]

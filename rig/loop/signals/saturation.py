@@ -1,9 +1,10 @@
-"""Where a torque is not what the drive or the sensor shows: at a limit, or cut off at the largest value it has.
+"""Where a torque is not what the drive or the sensor shows: at a limit, cut off at the largest value it has, or stuck.
 
-A drive at its torque limit says so in its status word. A sensor beyond its range shows the same value again and again,
-which a noisy channel otherwise never does.
+A drive at its torque limit says so in its status word. A sensor beyond its range, or one that has stuck, shows the same
+value again and again, which a noisy channel otherwise never does.
 """
 
+import itertools
 from collections.abc import Mapping
 
 import numpy as np
@@ -18,8 +19,8 @@ Flags = NDArray[np.bool_]
 LIMIT_ACTIVE = 1 << 11
 """Bit `internal limit active` of the CiA 402 status word."""
 
-FEWEST_CUT = 5
-"""Equal readings in a row at the extreme that make a cut-off."""
+FEWEST_CUT, FEWEST_STUCK = 5, 25
+"""Equal readings in a row that make a cut-off at the extreme, and a channel that has stuck anywhere."""
 
 NOISY = 0.2
 """Share of neighbouring readings that are equal elsewhere, up to which a channel is noisy: a quantised one repeats
@@ -39,7 +40,7 @@ def at_limit(run: Run) -> Flags:
 
 
 def cut_off(run: Run) -> Mapping[str, Flags]:
-    """Give, for each torque that is cut off, the samples (n,) at which it is."""
+    """Give, for each torque that is cut off or has stuck, the samples (n,) at which it is."""
     found = {}
     for name in TORQUES:
         values = run.signals.get(name)
@@ -70,10 +71,9 @@ def _cut(values: Floats) -> Flags:
     if known.size < 2 * FEWEST_CUT or float(np.ptp(known)) == 0.0:
         return cut
     top, bottom = float(known.max()), float(known.min())
-    extreme = (values == top) | (values == bottom)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], extreme.astype(int), [0]])))
-    for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        if stop - start >= FEWEST_CUT:
+    edges = np.flatnonzero(np.diff(values, prepend=np.nan, append=np.nan) != 0.0)
+    for start, stop in itertools.pairwise(edges.tolist()):
+        if stop - start >= (FEWEST_CUT if values[start] in (top, bottom) else FEWEST_STUCK):
             cut[start:stop] = True
     elsewhere = ~cut[1:] & ~cut[:-1]
     repeats = np.diff(values)[elsewhere] == 0.0

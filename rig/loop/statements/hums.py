@@ -80,6 +80,8 @@ def hum_of(residuals: Sequence[Residual]) -> Hum | None:
     if len(legs) < FEWEST_LEGS or (moving and not _several(moving)):
         return None
     power, noise, frequencies = _spectra(legs)
+    if not frequencies.size:
+        return None
     ratio = power / noise
     clear = ratio > CLEAR
     total = ratio.sum(axis=0)
@@ -143,6 +145,8 @@ def _spectra(legs: Sequence[_Leg]) -> tuple[Floats, Floats, Floats]:
     lowest = max(LOWEST, FEWEST_PERIODS / min(leg.duration for leg in legs))
     frequencies = np.arange(math.ceil(lowest * longest), math.floor(0.98 * highest * longest)) / longest
     power, noise = np.zeros((len(legs), frequencies.size)), np.zeros((len(legs), frequencies.size))
+    if not frequencies.size:
+        return power, noise, frequencies
     edges = np.linspace(0, frequencies.size, max(1, round(float(np.ptp(frequencies)) / AROUND)) + 1).astype(int)
     middles = 0.5 * (edges[1:] + edges[:-1])
     for k, leg in enumerate(legs):

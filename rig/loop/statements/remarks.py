@@ -14,13 +14,14 @@ from rig.loop.fitting.starts import FACTOR
 from rig.loop.model.equations import Equation, pieces_of
 from rig.loop.model.prediction import Model
 from rig.loop.model.terms import TermClass
-from rig.loop.result import Open
+from rig.loop.result import FOUND_NOT_ADDED, Open
 from rig.loop.search.aliases import aliases, samplings
 from rig.loop.search.decision import Selection
 from rig.loop.search.lines import USUAL_HIGHEST_ORDER
 from rig.loop.signals.checks import measured_slope
 from rig.loop.signals.grid import finer_grids
 from rig.loop.signals.living import ANGLES, TORQUES
+from rig.loop.signals.spikes import spikes
 from rig.loop.signals.tracks import LEG_END, SPEED_BAND, Track
 from sim_backend.model.compliance import LAWS
 
@@ -115,6 +116,7 @@ def remarks(tracks: Sequence[Track], runs: Sequence[Run], dut: Dut, model: Model
     """Say what was masked, left out, or could not be known, and where the device file is off."""
     return [
         *_masked(tracks),
+        *_spikes(runs),
         *_unused(tracks, model.ratio),
         *_of_the_ratio(tracks, dut, model.ratio),
         *_of_the_device_file(runs, dut, model),
@@ -128,7 +130,7 @@ def _masked(tracks: Sequence[Track]) -> list[str]:
     if saturated:
         text = ", ".join(f"{name} ({count})" for name, count in saturated.items())
         found.append(
-            f"Saturated samples (torque limit active, or a torque cut off at its extreme) were masked: {text}."
+            f"Saturated samples (torque limit active, a torque cut off at its extreme, or stuck) were masked: {text}."
         )
     masked = {
         track.name: 100.0 * (1.0 - float(track.steady.mean())) for track in tracks if track.moves and track.steady.any()
@@ -140,8 +142,26 @@ def _masked(tracks: Sequence[Track]) -> list[str]:
     return found
 
 
+def _spikes(runs: Sequence[Run]) -> list[str]:
+    """Say which torques have readings that are none."""
+    counts = [f"{run.name} {name} ({int(flags.sum())})" for run in runs for name, flags in spikes(run).items()]
+    if not counts:
+        return []
+    return [f"Readings far out of those around them (spikes, dropouts) were taken as missing: {', '.join(counts)}."]
+
+
+def _have(names: Sequence[str]) -> str:
+    return "has" if len(names) == 1 else "have"
+
+
 def _unused(tracks: Sequence[Track], ratio: float | None) -> list[str]:
     found = []
+    unwound = [t.name for t in tracks if t.M is None and t.motor_position is not None and t.output_position is not None]
+    if unwound and ratio is not None:
+        found.append(
+            f"Shapes without a name were not looked for: {', '.join(unwound)} {_have(unwound)} no motor torque, and "
+            f"the windup of the wave generator may be any of them."
+        )
     unused = [track.name for track in tracks if track.procedure is ProcedureName.STARTING_TORQUE]
     if unused:
         found.append(f"Starting-torque runs enter no equation of the loop: {', '.join(unused)}.")
@@ -248,21 +268,21 @@ def doubts(final: Fit) -> list[str]:
 
 
 def unadded(selection: Selection) -> list[str]:
-    """Give a line for everything that was found, significant, and not added, with the reason."""
+    """Give a line for everything that was found, significant, and not added, with the reason; the largest first."""
     current = any(item.equation is Equation.MOTOR_CURRENT for item in selection.fit.about)
     found = []
-    for item in selection.unadded:
+    for item in sorted(selection.unadded, key=lambda item: -item.share):
         if item.share < LEAST_TOLD:
             continue
         if item.order is None:
-            found.append(f"Found, not added: {item.kind.id}: {item.why}.")
+            found.append(f"{FOUND_NOT_ADDED}: {item.kind.id}: {item.why}.")
             continue
         seen = item.kind.equation
         seen = Equation.MOTOR_CURRENT if current and seen is Equation.MOTOR_TORQUE else seen
         unit = item.kind.entry.unit_in(seen) if isinstance(item.kind, TermClass) else seen.unit
         amplitude = f"{item.amplitude:.3g}" + ("" if unit == "1" else f" {unit}")
         found.append(
-            f"Found, not added: {item.kind.id}, order {item.order:.6g} of {item.kind.variable}, amplitude "
+            f"{FOUND_NOT_ADDED}: {item.kind.id}, order {item.order:.6g} of {item.kind.variable}, amplitude "
             f"{amplitude}: {item.why}."
         )
     return found

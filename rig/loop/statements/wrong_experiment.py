@@ -121,11 +121,16 @@ class Inputs:
 
 
 def wrong_experiments(
-    train: Sequence[Track], held_out: Sequence[Track], residuals: Sequence[Residual], dut: Dut, model: Model
+    tracks: Sequence[Track], names: Set[str], residuals: Sequence[Residual], dut: Dut, model: Model, left_out: str = ""
 ) -> WrongExperiments:
-    """Judge all runs of a campaign. `residuals`: after, of both sides; `model`: the one that left them."""
-    fitted, others = [inputs_of(track) for track in train], [inputs_of(track) for track in held_out]
-    everyone = {item.run: item for item in (*fitted, *others)}
+    """Judge all runs of a campaign, of which those called `names` were fitted.
+
+    `residuals`: after, of all; `model`: the one that left them. `left_out`: a run that is neither fitted nor held out,
+    because the others agree without it.
+    """
+    everyone = {track.name: inputs_of(track) for track in tracks}
+    fitted = [item for name, item in everyone.items() if name in names]
+    others = [item for name, item in everyone.items() if name not in names and name != left_out]
     beyond = {item.run: outside(item, fitted) for item in others}
     odd: list[tuple[Unlike, Residual]] = []
     worse: set[str] = set()
@@ -151,8 +156,10 @@ def wrong_experiments(
         else:
             found += items
             statements.append(_open(items))
+    if left_out and all(item.evidence["run"] != left_out for item in statements):
+        statements.append(_open_left_out(everyone[left_out], outside(everyone[left_out], fitted)))
     return WrongExperiments(
-        runs=frozenset([*worse, *(item.run for item in found)]),
+        runs=frozenset([*worse, *(item.run for item in found), *([left_out] if left_out else [])]),
         told=frozenset([*worse, *(str(item.evidence["run"]) for item in statements)]),
         open=tuple(statements),
         warnings=tuple(_said(item, item.run in worse) for items in beyond.values() for item in items),
@@ -322,6 +329,22 @@ def _open(items: Sequence[Unlike]) -> Open:
     }
     if any(item.repeated for item in items):
         return Open(Verdict.UNCONTROLLED, {**evidence, "replicates": "a replicate of it has no such error"})
+    return Open(Verdict.UNTRACED, evidence)
+
+
+def _open_left_out(run: Inputs, beyond: Sequence[Outside]) -> Open:
+    """Say that a run was left out: with it the others do not fit, without it they do, and show nothing."""
+    far = "; ".join(
+        f"{x.signal} reaches {x.value:.4g} {x.unit}, theirs {x.low:.4g} to {x.high:.4g} {x.unit}" for x in beyond
+    )
+    evidence: dict[str, Json] = {
+        "procedure": run.procedure,
+        "run": run.run,
+        "odd_runs": [run.run],
+        "meaning": f"{run.run} was left out of the fit: the other runs agree without it, and show no effect; with it "
+        f"they do not. {f'Its {far}' if far else 'Its recorded inputs are theirs'}: a scale, load, pose or condition "
+        f"of its own, or what shows there alone; repeat it under the conditions of the others",
+    }
     return Open(Verdict.UNTRACED, evidence)
 
 

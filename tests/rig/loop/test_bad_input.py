@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 from drivers.errors import DataError
@@ -283,3 +284,150 @@ def test_the_command_ends_with_5_and_one_paragraph_that_names_channel_value_and_
     assert "nothing changes in any run: motor_position, motor_torque, output_position constant" in told
     assert "Check that the channels are connected" in told
     assert "Traceback" not in answer.output
+
+
+# -- one run that is wrong in a campaign that is right
+
+
+ALL_KINDS = Plan(locked_angles=5, locked_pairs=1, backdrives=3, backdrive_pairs=1, free_runs=3, free_run_pairs=1)
+DEGREES = 180.0 / np.pi
+
+
+def one_spoiled(name: str, spoil: Callable[[Run], Run]) -> list[Run]:
+    runs, _ = drawn(ALL_KINDS, 2003)
+    assert any(run.name == name for run in runs)
+    return [spoil(run) if run.name == name else run for run in runs]
+
+
+def wrapped(run: Run) -> Run:
+    return replace(run, signals={**run.signals, "motor_position": np.mod(run.signals["motor_position"], 2.0 * np.pi)})
+
+
+def swapped(run: Run) -> Run:
+    motor, output = run.signals["motor_position"], run.signals["output_position"]
+    return replace(run, signals={**run.signals, "motor_position": output, "output_position": motor})
+
+
+@pytest.mark.parametrize(
+    ("name", "spoil", "said"),
+    [
+        ("free-run-03", lambda run: scaled(run, {"motor_position": DEGREES}), "motor_position looks like degrees"),
+        ("free-run-03", lambda run: scaled(run, {"output_position": DEGREES}), "output_position looks like degrees"),
+        ("free-run-03", lambda run: scaled(run, {"output_position": -1.0}), "One encoder counts the other way"),
+        ("free-run-03", lambda run: scaled(run, {"motor_position": 1.3}), "One is scaled"),
+        ("free-run-03", swapped, "The encoders look swapped"),
+        ("free-run-03", wrapped, "It wraps at a full turn"),
+        ("locked-output-03", lambda run: scaled(run, {"motor_position": DEGREES}), "Degrees and radians look mixed up"),
+        (
+            "locked-output-03",
+            lambda run: scaled(run, {"motor_position": 1 / DEGREES}),
+            "Degrees and radians look mixed",
+        ),
+    ],
+)
+def test_an_angle_in_another_unit_in_one_run_is_refused_with_the_run_and_what_it_looks_like(
+    name: str, spoil: Callable[[Run], Run], said: str
+) -> None:
+    with pytest.raises(DataError) as caught:
+        trace(one_spoiled(name, spoil), dut(DUT), LoopOptions())
+    assert name in str(caught.value)
+    assert said in str(caught.value)
+
+
+def test_an_angle_that_jumps_is_refused_with_the_moment() -> None:
+    def jump(run: Run) -> Run:
+        moved = run.signals["motor_position"] + np.where(run.time > 20.0, 0.5, 0.0)
+        return replace(run, signals={**run.signals, "motor_position": moved})
+
+    with pytest.raises(DataError, match=r"locked-output-03.*motor_position jumps by 0\.50.* rad at 20 s, 1 time"):
+        trace(one_spoiled("locked-output-03", jump), dut(DUT), LoopOptions())
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize(
+    ("name", "factors"),
+    [
+        ("locked-output-03", {"output_torque": 1.3}),
+        ("backdrive-02", {"output_torque": 1.3}),
+        ("free-run-03", {"motor_torque": 1.3}),
+        ("locked-output-03", {"motor_position": 1.3}),
+    ],
+)
+def test_a_gain_that_is_off_in_one_fitted_run_names_the_run_and_no_effect(
+    name: str, factors: Mapping[str, float]
+) -> None:
+    runs = one_spoiled(name, lambda run: scaled(run, factors))
+    held_out = ("locked-output-05", "backdrive-03", "free-run-02")
+    result = trace(runs, dut(DUT), LoopOptions(held_out=held_out))
+    assert (result.verdict, result.effects) == (Verdict.UNTRACED, ())
+    assert {item.evidence["run"] for item in result.open} == {name}
+    assert f"{name}: left out of the fit, as the others agree without it." in result.warnings
+    assert name not in result.model.runs
+    for errors in result.equations.values():
+        assert errors.held_out is not None
+        assert errors.held_out.rms_after < 1.2 * (errors.held_out.floor or 0.0)
+
+
+# -- readings that are none
+
+
+def spoiled_torque(spoil: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> LoopResult:
+    runs, held_out = drawn(LOCKED)
+    runs = tuple(replace(r, signals={**r.signals, "output_torque": spoil(r.signals["output_torque"])}) for r in runs)
+    return trace(runs, dut(), LoopOptions(held_out=held_out))
+
+
+def spiky(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    rng = np.random.default_rng(values.size)
+    found = values.copy()
+    found[rng.choice(values.size, 20, replace=False)] += np.ptp(values) * rng.choice([-1.0, 1.0], 20)
+    return found
+
+
+def lossy(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.where(np.random.default_rng(values.size).random(values.size) < 0.02, 0.0, values)
+
+
+def stuck(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    found = values.copy()
+    found[int(0.4 * values.size) : int(0.6 * values.size)] = values[int(0.4 * values.size)]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (spiky, "(spikes, dropouts) were taken as missing: locked-output-01a output_torque (20)"),
+        (lossy, "(spikes, dropouts) were taken as missing: locked-output-01a output_torque ("),
+        (stuck, "or stuck) were masked: locked-output-01a ("),
+    ],
+)
+def test_spikes_dropouts_and_a_sensor_that_sticks_are_masked_and_told_and_change_no_verdict(
+    spoil: Callable[[NDArray[np.float64]], NDArray[np.float64]], said: str
+) -> None:
+    result = spoiled_torque(spoil)
+    assert (result.verdict, result.effects) == (Verdict.NONE, ())
+    assert any(said in text for text in result.warnings)
+    errors = result.equations["output-torque"].held_out
+    assert errors is not None
+    assert errors.floor is not None
+    assert errors.floor < 0.1, "N*m; the sensor's noise is 0.02"
+
+
+def test_a_run_that_ended_before_anything_moved_is_left_out_and_doubted() -> None:
+    runs, held_out = drawn(LOCKED)
+    short = replace(
+        runs[0], time=runs[0].time[:400], signals={name: values[:400] for name, values in runs[0].signals.items()}
+    )
+    result = trace([short, *runs[1:]], dut(), LoopOptions(held_out=held_out))
+    assert (result.verdict, result.effects) == (Verdict.NONE, ())
+    assert f"{short.name}: nothing but noise changes in its 3.99 s, left out. Was it aborted?" in result.warnings
+    assert not any("too slowly" in text for text in result.warnings)
+
+
+def test_where_sweeps_have_no_motor_torque_it_is_said_that_no_shape_was_looked_for() -> None:
+    runs, held_out = drawn(LOCKED)
+    result = trace([without(run, *DRIVE) for run in runs], dut(), LoopOptions(held_out=held_out))
+    said = "Shapes without a name were not looked for: locked-output-01a"
+    assert any(text.startswith(said) for text in result.warnings)
+    assert result.effects == ()
