@@ -21,8 +21,8 @@ FAR = 0.4
 NOISES = 20.0
 """Times the typical distance from the running median that it is at least."""
 
-FEWEST_ALIKE = 3
-"""Such readings of one and the same value from which on every reading of it is a dropout, however near it lies."""
+FEWEST_ALIKE, NEAR = 3, 5.0
+"""Readings of one and the same value so far out from which on all of it are dropouts, and noises they stand out by."""
 
 
 def spikes(run: Run) -> Mapping[str, Flags]:
@@ -38,7 +38,7 @@ def spikes(run: Run) -> Mapping[str, Flags]:
         if not flags.any() or float(np.ptp(middle)) == 0.0:
             continue
         if flags.sum() >= FEWEST_ALIKE and np.ptp(values[flags]) == 0.0:
-            flags = values == values[flags][0]
+            flags = (values == values[flags][0]) & (off > NEAR * float(np.median(off)))
         found[name] = flags
     return found
 
