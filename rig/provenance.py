@@ -1,11 +1,15 @@
 """Where a result comes from: software version, state of its checkout, operator."""
 
 import getpass
+import hashlib
 import subprocess
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 DISTRIBUTION = "harmonic-rig"
+
+MODEL_MARK = "sha256:"
+"""What a log's backend holds if the simulated bench ran a model file."""
 
 
 def software_version() -> str:
@@ -40,3 +44,8 @@ def operator_name() -> str:
         return getpass.getuser()
     except (OSError, KeyError):
         return "unknown"
+
+
+def file_identity(path: Path) -> str:
+    """Give a file's name and the start of the SHA-256 of what it holds: which one it was, not where it lay."""
+    return f"{path.name} {MODEL_MARK}{hashlib.sha256(path.read_bytes()).hexdigest()[:16]}"

@@ -74,7 +74,10 @@ class JobRecord:
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
-    """What every log carries: bench and dut file as written, backend, software, git state, operator."""
+    """What every log carries: bench and dut file as written, backend, software, git state, operator.
+
+    `backend`: `hardware`, or `simulated` with the name and hash of the model file that the simulated bench ran, if any.
+    """
 
     bench_text: str
     dut_text: str

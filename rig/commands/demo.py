@@ -17,7 +17,7 @@ from procedures.registry import PROCEDURES
 from rig.commands.further import Asked, with_commands
 from rig.commands.loop import dut_of, print_files, print_result, write_loop
 from rig.commands.report import REPORT_NAME, write_report
-from rig.config.bench import load_bench
+from rig.config.bench import SIMULATED, load_bench
 from rig.config.dut import default_dut
 from rig.log.load import load_runs
 from rig.log.names import writable_folder
@@ -29,7 +29,7 @@ from rig.loop.model.terms import Entry, entry_of, periodic_effects
 from rig.loop.result import LoopResult
 from rig.loop.trace import trace
 from rig.operator import SimulatedOperator
-from rig.provenance import software_version
+from rig.provenance import file_identity, software_version
 from rig.session import Job, Provenance, RunRecord, Session, Watcher, run_jobs
 from rig.simulation import simulate
 from rig.stages import Stages
@@ -67,13 +67,14 @@ def demo_command(seed: int | None, out: Path, as_json: bool) -> None:
     logs = out / "logs"
     with Stages(clock) as stage:
         stage("building the simulated bench")
-        bench_seconds = record((hidden,), seed, logs, on_stage=stage)
+        write_model(bench_model(hidden), out / "bench.json")
+        backend = f"{SIMULATED}, {file_identity(out / 'bench.json')}"
+        bench_seconds = record((hidden,), seed, logs, on_stage=stage, backend=backend)
         recorded = clock.now()
         tell(f"Recorded {bench_seconds / 60:.1f} minutes of bench time in {recorded:.0f} s. Closing the loop ...")
         stage("reading the logs")
         runs = load_runs([logs])
         result = trace(runs, dut_of(runs), LoopOptions(), on_stage=stage)
-        write_model(bench_model(hidden), out / "bench.json")
         result = with_commands(result, runs, Asked((logs,), model=out / "bench.json"))
         stage("drawing and writing the result")
         files = write_loop(result, out / "loop")
@@ -142,9 +143,16 @@ def bench_model(hidden: ActiveEffect) -> Model:
 
 
 def record(
-    hidden: Sequence[ActiveEffect], seed: int, logs: Path, on_stage: Callable[[str], None] = lambda _: None
+    hidden: Sequence[ActiveEffect],
+    seed: int,
+    logs: Path,
+    on_stage: Callable[[str], None] = lambda _: None,
+    backend: str = SIMULATED,
 ) -> float:
-    """Run all four procedures on the bench that carries the hidden effects; give the bench time, s."""
+    """Run all four procedures on the bench that carries the hidden effects; give the bench time, s.
+
+    `backend`: what the logs say of where they come from.
+    """
     bench_file, bench_text = load_bench("sim")
     dut, dut_text = default_dut()
     simulated = simulate(bench_file, dut, effects=hidden, seed=seed + 1)
@@ -161,7 +169,7 @@ def record(
         seconds.append(record.outcome.duration)
 
     with Stop().listening() as stop:
-        provenance = Provenance(bench_text, dut_text, "simulated")
+        provenance = Provenance(bench_text, dut_text, backend)
         watcher = Watcher(on_run, on_end=on_end)
         run_jobs(Session(simulated.bench, dut, provenance, logs, SimulatedOperator(), stop, watcher), jobs)
     return sum(seconds)
@@ -170,7 +178,7 @@ def record(
 def _comparison(truth: Truth, result: LoopResult) -> Table:
     """Set the hidden effect beside what the loop found."""
     table = Table(title="Now the truth", title_justify="left", header_style="bold", box=None, padding=(0, 1))
-    for heading in ("", "hidden", "found", "95 % interval", "inside"):
+    for heading in ("", "hidden", "found", "95 % interval", "in"):
         table.add_column(heading, no_wrap=True)
     found = next((step for step in result.steps if step.effect == truth.effect), None)
     table.add_row("effect", truth.effect, ", ".join(result.effects) or str(result.verdict), "", "")

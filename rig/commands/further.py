@@ -12,8 +12,9 @@ from rig.log.load import logs_in
 from rig.log.names import NEXT_FOLDER
 from rig.log.run import Run
 from rig.loop.result import LoopResult, NextExperiment
+from rig.provenance import MODEL_MARK
 
-BENCH_PLACE, DUT_PLACE = "BENCH.toml", "DUT.toml"
+BENCH_PLACE, DUT_PLACE, MODEL_PLACE = "BENCH.toml", "DUT.toml", "MODEL.json"
 """Stand in a command for files whose path no log tells."""
 
 
@@ -68,14 +69,18 @@ def _places(runs: Sequence[Run], asked: Asked) -> tuple[_Places, tuple[str, ...]
     benches = {run.bench_text for run in runs}
     bench: tuple[str, ...] = () if asked.model is None else ("--model", str(asked.model))
     said: tuple[str, ...] = ()
+    ran = [backend for backend in sorted({run.metadata.get("backend", "") for run in runs}) if MODEL_MARK in backend]
+    if ran and asked.model is None:
+        bench = ("--model", MODEL_PLACE)
+        said = (f"{MODEL_PLACE} stands for the model that the bench ran: {'; '.join(ran)}.",)
     if benches != {load_bench("sim")[1]}:
         bench = ("--bench", BENCH_PLACE)
         which = "none" if benches == {""} else "another than the simulated one"
-        said = (f"{BENCH_PLACE} stands for your bench's file: the logs name {which}.",)
+        said += (f"{BENCH_PLACE} stands for your bench's file: the logs name {which}.",)
     device: tuple[str, ...] = ()
     if asked.dut is not None:
         device = ("--dut", str(asked.dut))
-    elif asked.model is None and (bench or not _on_the_shipped_device(runs)):
+    elif asked.model is None and not ran and (bench or not _on_the_shipped_device(runs)):
         device = ("--dut", DUT_PLACE)
         said += (f"{DUT_PLACE} stands for the device's file.",)
     return _Places((*bench, *device), device), said

@@ -30,6 +30,7 @@ from rig.loop.campaign import FEWEST_RUNS
 from rig.loop.files.model_file import Model
 from rig.loop.files.model_storage import load_model
 from rig.operator import Answered, ConsentGiven, Operator, SimulatedOperator, TerminalOperator
+from rig.provenance import file_identity
 from rig.runner import REACTION, Progress
 from rig.session import (
     LOG_SO_FAR,
@@ -117,6 +118,8 @@ def run_command(names: tuple[str, ...], options: RunOptions, dry_run: bool) -> N
                 stop.check("consent")
                 bench.clock.sleep_until(bench.clock.now() + 0.05)
         watcher = Watcher() if options.as_json else _watcher(dry_run=False)
+        if options.model is not None:
+            backend = f"{backend}, {file_identity(options.model)}"
         provenance = Provenance(bench_text, dut_text, backend)
         records = run_jobs(Session(bench, dut, provenance, options.out, operator, stop, watcher), jobs)
     _report(records, options)

@@ -26,6 +26,7 @@ from rig.log.load import load_run, load_runs
 from rig.log.writer import LogWriter
 from rig.loop.files.model_file import Model, ModelBase, ModelEffect, ModelLine
 from rig.loop.files.model_storage import write_model
+from rig.provenance import file_identity
 from rig.session import calibration
 
 SHORT_BACKDRIVE = ["--set", "backdrive.dwell=0.5", "--set", "backdrive.start_angles=1", "--set", "backdrive.repeats=1"]
@@ -427,6 +428,7 @@ def test_a_simulated_plant_that_is_lost_is_a_bench_fault_with_code_3_and_a_compl
     (run,) = load_runs([tmp_path / "runs" / "set-up"])
     assert run.complete
     assert run.metadata["outcome.status"] == "fault"
+    assert run.metadata["backend"] == f"simulated, {file_identity(model)}"
     assert all(math.isfinite(value) for value in run.signals["motor_position"])
 
 

@@ -91,6 +91,13 @@ def test_a_bench_that_runs_a_model_runs_it_again(tmp_path):
     assert next_one.command == f"{SURVEY} --model bench.json -o {tmp_path / 'next'}"
 
 
+def test_logs_of_a_bench_that_ran_a_model_ask_for_the_model(tmp_path):
+    logged = replace(run(), metadata={"backend": "simulated, drawn.json sha256:0123456789abcdef"})
+    (next_one,) = told(Asked((tmp_path,)), logged)
+    assert next_one.command == f"{SURVEY} --model MODEL.json -o {tmp_path / 'next'}"
+    assert "MODEL.json stands for the model that the bench ran: simulated, drawn.json sha256:0123" in next_one.why
+
+
 def test_a_device_file_written_otherwise_is_the_same_device():
     again = bench_model(draw_effect(1)).dut_text()
     assert again != default_dut()[1]

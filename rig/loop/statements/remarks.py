@@ -223,6 +223,9 @@ def _of_the_logs(runs: Sequence[Run]) -> list[str]:
             f"Sampled less than once in {SLOWEST:g} s: {', '.join(slow)}. Check that the time is in seconds; what "
             f"delays, creeps or rings faster than that is not seen for what it is."
         )
+    backends = sorted({run.metadata["backend"] for run in runs if "backend" in run.metadata})
+    if len(backends) > 1:
+        found.append(f"Recorded with different backends, which are different devices: {'; '.join(backends)}.")
     if coarse := _coarse(runs):
         found.append(coarse)
     gaps = {run.name: len(run.gaps) for run in runs if run.gaps}
@@ -282,7 +285,11 @@ def unadded(selection: Selection) -> list[str]:
         unit = item.kind.entry.unit_in(seen) if isinstance(item.kind, TermClass) else seen.unit
         amplitude = f"{item.amplitude:.3g}" + ("" if unit == "1" else f" {unit}")
         found.append(
-            f"{FOUND_NOT_ADDED}: {item.kind.id}, order {item.order:.6g} of {item.kind.variable}, amplitude "
+            f"{FOUND_NOT_ADDED}: {item.kind.id}, {_at(item.order, item.kind.variable)}, amplitude "
             f"{amplitude}: {item.why}."
         )
     return found
+
+
+def _at(order: float, variable: str) -> str:
+    return f"{order:.6g} Hz" if variable == "time" else f"order {order:.6g} of {variable}"
