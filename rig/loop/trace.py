@@ -43,6 +43,7 @@ from rig.loop.statements.events import events_of
 from rig.loop.statements.open_statements import open_statements
 from rig.loop.statements.remarks import doubts, far_from_prior, remarks, unadded
 from rig.loop.statements.report_steps import model_of, steps_of
+from rig.loop.statements.residuals import Residual, rms
 from rig.loop.statements.silence import silence_of
 from rig.loop.statements.views import Added, Pair, facts_of, views_of
 from rig.loop.statements.wrong_experiment import wrong_experiments
@@ -50,6 +51,9 @@ from rig.loop.workers.held import Held
 from rig.loop.workers.hold import hold
 from rig.provenance import software_version
 from rig.terminal import counted
+
+BETTER, NOT_WORSE = 1.2, 0.95
+"""Times as much as without a run that must be left of one equation with it, and of any at least."""
 
 UNEXPLAINED = (Verdict.UNTRACED, Verdict.UNCONTROLLED)
 HELD_OUT_EVIDENCE = frozenset({"floor_high", "held_out_rms_after"})
@@ -88,14 +92,32 @@ def trace(
     check_counts(runs, dut)
     fitted = {run.name for run in campaign.train}
     with hold(used, [_work(run, fitted) for run in used], options.scheduler) as held:
-        result, odd = _traced(held, campaign, runs, dut, options, dead, on_stage)
+        result, odd, left = _traced(held, campaign, runs, dut, options, dead, on_stage)
         if odd is not None and any(item.verdict in UNEXPLAINED for item in _of_training(result)):
             on_stage(f"once more without {odd}")
             with suppress(DataError):  # the others alone may not make an equation
-                without, _ = _traced(held, campaign, runs, dut, options, dead, on_stage, odd)
-                if not without.steps and all(item.evidence.get("run") == odd for item in _of_training(without)):
+                without, _, less = _traced(held, campaign, runs, dut, options, dead, on_stage, odd)
+                alone = not without.steps and all(x.evidence.get("run") == odd for x in _of_training(without))
+                if alone and _fits_better(less, left):
                     result = without
     return replace(result, elapsed=clock.now() - started)
+
+
+_Left = Mapping[tuple[str, str], float]
+"""Rms that is left of a training run, by run, equation and procedure."""
+
+
+def _place(residual: Residual) -> str:
+    return f"{residual.piece.equation.value} in {residual.piece.track.procedure.value}"
+
+
+def _fits_better(without: _Left, before: _Left) -> bool:
+    """Whether far less is left of the other runs without a run than with it and all that was added; nowhere more."""
+    times: dict[str, list[float]] = {}
+    for (run, place), rms_without in without.items():
+        times.setdefault(place, []).append(before[run, place] / max(rms_without, 1e-300))
+    typical = [float(np.median(some)) for some in times.values()]
+    return bool(typical) and max(typical) > BETTER and min(typical) > NOT_WORSE
 
 
 def _of_training(result: LoopResult) -> list[Open]:
@@ -130,8 +152,10 @@ def _traced(
     dead: Sequence[str],
     on_stage: Callable[[str], None],
     odd: str = "",
-) -> tuple[LoopResult, str | None]:
-    """Trace the runs that are held, those of the campaign in its order; give the run that bends the base model, too.
+) -> tuple[LoopResult, str | None, _Left]:
+    """Trace the runs that are held, those of the campaign in its order.
+
+    Gives the result, the run that bends the base model, and what is left of the training runs.
 
     `dead`: what to say of channels left out. `odd`: a run of the training runs that is left out.
     """
@@ -204,7 +228,8 @@ def _traced(
         silence=silence_of(selection, [pair.calm for pair in right["train"]], dut) if quiet else None,
         apart=tuple(run.name for run in campaign.held_out if run.name in wrong.told),
     )
-    return result, odd_run(base)
+    left = {(pair.run, _place(pair.after)): rms(pair.after.values) for pair in sides["train"]}
+    return result, odd_run(base), left
 
 
 def _check_equations(

@@ -12,7 +12,7 @@ from rig.loop.model.curves import Curve
 from rig.loop.model.prediction import Model
 from rig.loop.model.shapes import ShapeTerm
 from rig.loop.model.terms import Line, TermClass
-from rig.loop.search.acceptance import pays_jointly
+from rig.loop.search.acceptance import LEAST_SHAPE_SHARE, pays_jointly
 from rig.loop.search.shape_trials import shape_of
 from rig.loop.search.trial import prepare, try_columns, try_line
 
@@ -27,7 +27,7 @@ def _withdraw_shapes(pieces: Material, current: Fit, alpha: float, given: Model)
         here = next(x for x in current.model.shapes if x.kind == kind)
         shapes = tuple(x for x in current.model.shapes if x is not here)
         without = fit(pieces.all, replace(current.model, shapes=shapes), current.noise, passes=3, block=current.block)
-        if not _pays(without, current, here, alpha) or _size_may_be_nothing(current, here):
+        if not _pays(without, current, here, alpha):
             current = refit(pieces, current, without.model)
     return current
 
@@ -37,6 +37,8 @@ def _pays(without: Fit, current: Fit, here: ShapeTerm, alpha: float) -> bool:
     trial = try_columns(prepare(without), here.effect.id, shape_of(here))
     if trial.gain <= 0.0:
         return pays_jointly(without, current)
+    if trial.share < LEAST_SHAPE_SHARE and _size_may_be_nothing(current, here):
+        return False
     return trial.single_p <= alpha and trial.pays > 0.0
 
 

@@ -19,8 +19,8 @@ Flags = NDArray[np.bool_]
 LIMIT_ACTIVE = 1 << 11
 """Bit `internal limit active` of the CiA 402 status word."""
 
-FEWEST_CUT, FEWEST_STUCK = 5, 25
-"""Equal readings in a row that make a cut-off at the extreme, and a channel that has stuck anywhere."""
+FEWEST_CUT, FEWEST_STUCK, STUCK = 5, 25, 1.0
+"""Equal readings in a row that make a cut-off at the extreme, and a stuck channel anywhere, over s at least."""
 
 NOISY = 0.2
 """Share of neighbouring readings that are equal elsewhere, up to which a channel is noisy: a quantised one repeats
@@ -45,7 +45,7 @@ def cut_off(run: Run) -> Mapping[str, Flags]:
     for name in TORQUES:
         values = run.signals.get(name)
         if values is not None:
-            flags = _cut(values)
+            flags = _cut(values, _period(run))
             if flags.any():
                 found[name] = flags
     return found
@@ -65,7 +65,7 @@ def doubtful_after(values: Floats, cut: Flags) -> Flags:
     return found
 
 
-def _cut(values: Floats) -> Flags:
+def _cut(values: Floats, period: float) -> Flags:
     cut = np.zeros(values.size, dtype=bool)
     known = values[np.isfinite(values)]
     if known.size < 2 * FEWEST_CUT or float(np.ptp(known)) == 0.0:
@@ -73,8 +73,12 @@ def _cut(values: Floats) -> Flags:
     top, bottom = float(known.max()), float(known.min())
     edges = np.flatnonzero(np.diff(values, prepend=np.nan, append=np.nan) != 0.0)
     for start, stop in itertools.pairwise(edges.tolist()):
-        if stop - start >= (FEWEST_CUT if values[start] in (top, bottom) else FEWEST_STUCK):
+        if stop - start >= (FEWEST_CUT if values[start] in (top, bottom) else max(FEWEST_STUCK, STUCK / period)):
             cut[start:stop] = True
     elsewhere = ~cut[1:] & ~cut[:-1]
     repeats = np.diff(values)[elsewhere] == 0.0
     return cut if repeats.size and float(repeats.mean()) <= NOISY else np.zeros(values.size, dtype=bool)
+
+
+def _period(run: Run) -> float:
+    return float(np.median(np.diff(run.time))) if run.time.size > 1 else 1.0
