@@ -25,6 +25,10 @@ TURNED_MOTOR, TURNED_OUTPUT = 6.0, 0.05
 TORQUE_AT = {"output": ("output_torque",), "motor": ("motor_torque", "motor_current")}
 """Channels that say the torque at a shaft."""
 
+STANDS = 2e-3
+"""rad of an angle below which a run in which nothing else moves may have ended before it began; a small quick sweep,
+which looks like noise, winds the motor further."""
+
 PARTS, MORE_THAN_NOISE = 20, 3.0
 """Parts of a run whose means are compared, and how many times the typical distance from them they must spread by."""
 
@@ -46,7 +50,7 @@ def living(runs: Sequence[Run]) -> tuple[tuple[Run, ...], tuple[str, ...]]:
         )
     kept, warnings = [], []
     for run in runs:
-        if not _moves(run):
+        if not _moves(run) and all(_span(run.signals[name]) < STANDS for name in ANGLES if name in run.signals):
             kept.append(_without(run, run.signals))
             seconds = float(np.ptp(run.time)) if run.time.size else 0.0
             warnings.append(f"{run.name}: nothing but noise changes in its {seconds:.3g} s, left out. Was it aborted?")
