@@ -22,7 +22,7 @@ from rig.loop.fitting.odd_run import odd_run
 from rig.loop.fitting.starts import scaled_to_data
 from rig.loop.model.equations import Piece, pieces_of
 from rig.loop.model.prediction import Model
-from rig.loop.result import LoopResult, Open, Step, Verdict
+from rig.loop.result import LoopResult, Step
 from rig.loop.search.decision import Selection
 from rig.loop.search.followed import faster_than, known_speed, select_followed
 from rig.loop.search.given import given_decisions
@@ -43,21 +43,14 @@ from rig.loop.statements.events import events_of
 from rig.loop.statements.open_statements import open_statements
 from rig.loop.statements.remarks import doubts, far_from_prior, remarks, unadded
 from rig.loop.statements.report_steps import model_of, steps_of
-from rig.loop.statements.residuals import Residual, rms
 from rig.loop.statements.silence import silence_of
 from rig.loop.statements.views import Added, Pair, facts_of, views_of
+from rig.loop.statements.without_run import Left, fits_better, left_of, shows_nothing_else, unexplained
 from rig.loop.statements.wrong_experiment import wrong_experiments
 from rig.loop.workers.held import Held
 from rig.loop.workers.hold import hold
 from rig.provenance import software_version
 from rig.terminal import counted
-
-BETTER, NOT_WORSE = 1.2, 0.95
-"""Times as much as without a run that must be left of one equation with it, and of any at least."""
-
-UNEXPLAINED = (Verdict.UNTRACED, Verdict.UNCONTROLLED)
-HELD_OUT_EVIDENCE = frozenset({"floor_high", "held_out_rms_after"})
-"""Keys of statements that rest on held-out runs."""
 
 A_RUN = 5_000.0
 """Samples that make as much work as whatever is done for a run however short it is."""
@@ -93,43 +86,12 @@ def trace(
     fitted = {run.name for run in campaign.train}
     with hold(used, [_work(run, fitted) for run in used], options.scheduler) as held:
         result, odd, left = _traced(held, campaign, runs, dut, options, dead, on_stage)
-        if odd is not None and any(item.verdict in UNEXPLAINED for item in _of_training(result)):
+        if odd is not None and unexplained(result):
             on_stage(f"once more without {odd}")
             with suppress(DataError):  # the others alone may not make an equation
                 without, _, less = _traced(held, campaign, runs, dut, options, dead, on_stage, odd)
-                alone = not without.steps and all(x.evidence.get("run") == odd for x in _of_training(without))
-                if alone and _fits_better(less, left):
-                    result = without
+                result = without if shows_nothing_else(without, odd) and fits_better(less, left) else result
     return replace(result, elapsed=clock.now() - started)
-
-
-_Left = Mapping[tuple[str, str], float]
-"""Rms that is left of a training run, by run, equation and procedure."""
-
-
-def _place(residual: Residual) -> str:
-    return f"{residual.piece.equation.value} in {residual.piece.track.procedure.value}"
-
-
-def _fits_better(without: _Left, before: _Left) -> bool:
-    """Whether far less is left of the other runs without a run than with it and all that was added; nowhere more."""
-    times: dict[str, list[float]] = {}
-    for (run, place), rms_without in without.items():
-        times.setdefault(place, []).append(before[run, place] / max(rms_without, 1e-300))
-    typical = [float(np.median(some)) for some in times.values()]
-    return bool(typical) and max(typical) > BETTER and min(typical) > NOT_WORSE
-
-
-def _of_training(result: LoopResult) -> list[Open]:
-    """Give the open statements that no held-out run had a say in: they alone may decide what is fitted."""
-    held_out = set(result.held_out)
-
-    def is_of_training(item: Open) -> bool:
-        odd = item.evidence.get("odd_runs")
-        names = {str(name) for name in odd} if isinstance(odd, list) else set()
-        return not HELD_OUT_EVIDENCE & item.evidence.keys() and (not names or not names <= held_out)
-
-    return [item for item in result.open if is_of_training(item)]
 
 
 def _work(run: Run, fitted: Set[str]) -> float:
@@ -152,7 +114,7 @@ def _traced(
     dead: Sequence[str],
     on_stage: Callable[[str], None],
     odd: str = "",
-) -> tuple[LoopResult, str | None, _Left]:
+) -> tuple[LoopResult, str | None, Left]:
     """Trace the runs that are held, those of the campaign in its order.
 
     Gives the result, the run that bends the base model, and what is left of the training runs.
@@ -228,8 +190,7 @@ def _traced(
         silence=silence_of(selection, [pair.calm for pair in right["train"]], dut) if quiet else None,
         apart=tuple(run.name for run in campaign.held_out if run.name in wrong.told),
     )
-    left = {(pair.run, _place(pair.after)): rms(pair.after.values) for pair in sides["train"]}
-    return result, odd_run(base), left
+    return result, odd_run(base), left_of([pair.after for pair in sides["train"]])
 
 
 def _check_equations(

@@ -38,6 +38,9 @@ OTHER_RATIO, FEWEST_TURNING = 0.2, 3
 OTHER_COMPLIANCE = 10.0
 """Factor between the winding of one sweep and that of most others beyond which a unit or the lock is wrong."""
 
+LETS_GO = {ProcedureName.LOCKED_OUTPUT: "motor_position", ProcedureName.BACKDRIVE: "output_position"}
+"""The angle that follows the torque in a sweep."""
+
 DEGREES = 180.0 / np.pi
 
 LEAST_JUMP, JUMP, STEPS_AROUND, GAP = 0.1, 10.0, 9, 0.3
@@ -245,21 +248,22 @@ def check_signs(tracks: Sequence[Track], ratio: float | None) -> None:
 
     Where one sweep winds by another order of magnitude than the others, its unit is wrong, and that is said instead.
     """
-    for procedure in SWEEPS:
-        _check_each_compliance([track for track in tracks if track.procedure is procedure])
+    for procedure, angle in LETS_GO.items():
+        _check_each_compliance([track for track in tracks if track.procedure is procedure], angle)
     for track in tracks:
         if np.count_nonzero(track.usable) >= FEWEST_SAMPLES:
             _check_torsion(track, ratio)
             _check_power(track, ratio)
 
 
-def _check_each_compliance(sweeps: Sequence[Track]) -> None:
-    """Raise DataError for a sweep of a procedure that winds up far more or less by its torque than most others."""
+def _check_each_compliance(sweeps: Sequence[Track], name: str) -> None:
+    """Raise DataError for a sweep of a procedure that winds up far more or less by its torque than most others.
+
+    `name`: of the angle that the procedure lets go.
+    """
     found: dict[str, float] = {}
-    name = "output_position"
     for track in sweeps:
-        name = "motor_position" if track.procedure is ProcedureName.LOCKED_OUTPUT else "output_position"
-        angle = track.motor_position if name == "motor_position" else track.output_position
+        angle: Floats | None = getattr(track, name)
         if angle is None or track.T is None or np.count_nonzero(track.usable) < FEWEST_SAMPLES:
             continue
         torque = float(np.ptp(track.T[track.usable]))

@@ -215,7 +215,7 @@ def _of_the_logs(runs: Sequence[Run]) -> list[str]:
         )
     backends = sorted({run.metadata["backend"] for run in runs if "backend" in run.metadata})
     if len(backends) > 1:
-        found.append(f"Recorded with different backends, which are different devices: {'; '.join(backends)}.")
+        found.append(f"Recorded with different backends: {'; '.join(backends)}. Is it one device?")
     if coarse := _coarse(runs):
         found.append(coarse)
     gaps = {run.name: len(run.gaps) for run in runs if run.gaps}
