@@ -1,7 +1,7 @@
 """A campaign: which runs are fitted and which are held out, decided before the first fit.
 
 Runs are the unit; replicates stay on one side; without `--held-out` about a quarter of the runs of each procedure is
-drawn with a seed.
+drawn with a seed, those last that alone went somewhere: what only they show is learnt from them or not at all.
 """
 
 from collections.abc import Sequence
@@ -13,6 +13,7 @@ import numpy as np
 from drivers.errors import ConfigError, DataError, Mistake
 from rig.log.run import Run
 from rig.loop.files.model_file import Model
+from rig.loop.outermost import outermost
 from sim_backend.model.compliance import Compliance
 
 FEWEST_RUNS = 2
@@ -135,6 +136,8 @@ def _drawn(runs: Sequence[Run], seed: int, warnings: list[str]) -> tuple[list[Ru
         count = min(max(1, round(HELD_OUT_SHARE * len(groups))), len(groups) - 1)
         # replicates measure the floor: single runs are held out first
         order = [single[k] for k in rng.permutation(len(single))] + [several[k] for k in rng.permutation(len(several))]
+        lone = outermost({name: tuple(members) for name, members in groups.items()})
+        order.sort(key=lambda name: name in lone)
         out |= {run.name for name in order[:count] for run in groups[name]}
     warnings.append(f"Held out (drawn with seed {seed}): {', '.join(sorted(out)) or 'none'}.")
     return [run for run in runs if run.name not in out], [run for run in runs if run.name in out]

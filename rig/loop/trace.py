@@ -26,7 +26,14 @@ from rig.loop.result import LoopResult, Step
 from rig.loop.search.decision import Selection
 from rig.loop.search.followed import faster_than, known_speed, select_followed
 from rig.loop.search.given import given_decisions
-from rig.loop.signals.checks import check_gear, check_jumps, check_magnitudes, check_signs, check_torques
+from rig.loop.signals.checks import (
+    check_each_ratio,
+    check_gear,
+    check_jumps,
+    check_magnitudes,
+    check_signs,
+    check_torques,
+)
 from rig.loop.signals.grid import check_counts
 from rig.loop.signals.living import living
 from rig.loop.signals.recordings import check_recordings, too_short
@@ -124,6 +131,7 @@ def _traced(
     tracks = held.keep(make_track, dut)
     known_tracks = tracks.gather()
     train, held_out = known_tracks[: len(campaign.train)], known_tracks[len(campaign.train) :]
+    check_each_ratio(known_tracks)
     ratio = check_gear(train, dut)
     check_signs(known_tracks, ratio)
     check_torques(known_tracks, ratio)

@@ -32,7 +32,7 @@ from rig.loop.model.equations import Equation, Law, Piece
 from rig.loop.model.evaluation import FLEXSPLINE_TORQUE, Added, Evaluation, Route, through, with_time
 from rig.loop.model.hum import with_hums
 from rig.loop.model.parameters import ParameterTable
-from rig.loop.model.shapes import CORNERS, SWEPT_TORQUE, ShapeTerm
+from rig.loop.model.shapes import CORNERS, FAST_MOTOR_TORQUE, SWEPT_TORQUE, ShapeTerm
 from rig.loop.model.terms import Entry, Line, line_values
 from rig.loop.signals.play import play_output, play_path
 from rig.loop.signals.tracks import Track
@@ -224,6 +224,8 @@ def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Eva
     K_w0, C_w = model.value("K_w0"), model.value("C_w")
     added = _added(track, model, positions)
     signals = _signals(track, model, positions, _load(track, model), track.M)
+    if track.M is not None and track.play_drive is not None:
+        signals[FAST_MOTOR_TORQUE] = track.play_drive
     averaged = not _is_loaded(track, model)
     load = added.load(signals, averaged=averaged)
     T = _load(track, model) - load

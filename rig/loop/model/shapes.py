@@ -30,6 +30,9 @@ SWEPT_TORQUE, CORNERS = "swept_torque", "corners"
 """Names of the polyline that the output torque follows, and of lines that have its corners, beside the signals of the
 contract; several values a sample."""
 
+FAST_MOTOR_TORQUE = "fast_motor_torque"
+"""Name of the motor torque of a run that does not turn, several values a sample."""
+
 UNDOING, BEYOND = 2, 10.0
 """Iterations after which the torque is known that a late reading shows, and times by which it is late for which the
 last slope goes on beyond the record: what the torque was at the end is read when the record is over."""
@@ -211,6 +214,10 @@ def addition(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> Flo
     late = added_late(term, signals, step)
     if late is not None:
         return _means(late, signals)
+    fast = signals.get(FAST_MOTOR_TORQUE)
+    if fast is not None and term.effect.shape is Shape.STATIC and term.effect.signals == ("motor_torque",):
+        # the mean of what lies about a corner is less than what lies at the mean
+        return _means(evaluate(term.effect, {"motor_torque": fast}, term.values, step=step), signals)
     return evaluate(term.effect, signals, term.values, step=step)
 
 

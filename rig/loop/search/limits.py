@@ -17,6 +17,9 @@ from rig.loop.search.proposals import KINEMATIC_ERROR, USUAL_ERRORS
 from rig.loop.search.shape_trials import ShapeTrial, shape_of
 from rig.loop.search.trial import PINELIS, ColumnsOf, Floats, Ground, Trial, line_at, try_line
 
+SELDOM_MISSED = 1.645
+"""Standard deviations above the threshold at which noise hides an effect in one case of twenty."""
+
 
 def limits_of(
     ground: Ground, lines: Sequence[LineCandidate], shapes: Sequence[ShapeTrial], alpha: float
@@ -47,7 +50,8 @@ def _amplitude(
 ) -> float | None:
     """Give the amplitude at which a term passes the test at `alpha` and explains enough; `line`: the class of a line.
 
-    T**2 and the share of the squares grow with the square of the amplitude. None where the runs tell nothing of it.
+    The share of the squares grows with the square of the amplitude, and so does T**2 until the term is all there is in
+    its blocks: it cannot exceed their number. None where the runs tell nothing of it, or no size would pass.
     """
     shares = _shares_if_there(ground, columns, trial.amplitudes)
     of_angle = line is not None and line.is_angle and Equation.TORSION in shares
@@ -55,6 +59,10 @@ def _amplitude(
     if trial.statistic <= 0.0 or share <= 0.0:
         return None
     wanted = float(chi2.isf(min(1.0, alpha / (PINELIS * tests)), trial.columns))
+    blocks = ground.fit.block_count
+    if wanted >= blocks:
+        return None
+    wanted = (math.sqrt(wanted / (1.0 - wanted / blocks)) + SELDOM_MISSED) ** 2
     least = LEAST_SHAPE_SHARE if line is None else LEAST_SHARE
     return math.sqrt(max(wanted / trial.statistic, least / share)) * float(np.linalg.norm(trial.amplitudes))
 

@@ -114,7 +114,7 @@ def _of_angle(
         if spectrum is None:
             continue
         against = times is Times.DIRECTION
-        tests += spectrum.tests
+        most = 1
         highest = tops(spectrum)
         if equation is Equation.TORSION and not any(item.moves for item in ground.fit.about):
             highest += _low_orders(ground, effects, spectrum.resolution)
@@ -124,6 +124,8 @@ def _of_angle(
                 # in a sweep the angle follows the torque: a line that does not act back is any compliance
                 classes = [proposal for proposal in classes if not is_nameless_angle(proposal.kind)]
             found += [replace(proposal, height=peak.height) for proposal in classes]
+            most = max(most, len(classes))
+        tests += most * spectrum.tests  # every order may be any of the classes
         if equation is Equation.TORSION and variable == "motor_position" and moves:
             usual = [effect for effect in effects if effect.effect == KINEMATIC_ERROR]
             orders = [order for order in USUAL_ERRORS if order > spectrum.resolution]

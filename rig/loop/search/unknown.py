@@ -16,7 +16,7 @@ from rig.loop.model.curves import ANGLES, TURNING_LOAD, WITHOUT_KNOTS, Curve, Fo
 from rig.loop.model.equations import Equation, Piece
 from rig.loop.model.evaluation import FLEXSPLINE_TORQUE
 from rig.loop.model.prediction import Model
-from rig.loop.model.shapes import CORNERS, SWEPT_TORQUE, ShapeTerm
+from rig.loop.model.shapes import CORNERS, FAST_MOTOR_TORQUE, SWEPT_TORQUE, ShapeTerm
 from rig.loop.result import Verdict
 from rig.loop.search.acceptance import (
     BESIDE_BENT_SHARE,
@@ -72,6 +72,7 @@ INTERNAL = frozenset(
         FLEXSPLINE_TORQUE,
         SWEPT_TORQUE,
         CORNERS,
+        FAST_MOTOR_TORQUE,
         "direction",
         "locked",
         "turning",

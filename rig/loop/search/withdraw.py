@@ -8,10 +8,11 @@ import numpy as np
 from rig.loop.fitting.fit import Fit, Material, fit, refit
 from rig.loop.fitting.intervals import covariance, quantile
 from rig.loop.fitting.normal import LinearPiece
+from rig.loop.model.curves import Curve
 from rig.loop.model.prediction import Model
 from rig.loop.model.shapes import ShapeTerm
 from rig.loop.model.terms import Line, TermClass
-from rig.loop.search.acceptance import pays_jointly
+from rig.loop.search.acceptance import LEAST_SHAPE_SHARE, pays_jointly
 from rig.loop.search.shape_trials import shape_of
 from rig.loop.search.trial import prepare, try_columns, try_line
 
@@ -36,7 +37,20 @@ def _pays(without: Fit, current: Fit, here: ShapeTerm, alpha: float) -> bool:
     trial = try_columns(prepare(without), here.effect.id, shape_of(here))
     if trial.gain <= 0.0:
         return pays_jointly(without, current)
+    if trial.share < LEAST_SHAPE_SHARE and _size_may_be_nothing(current, here):
+        return False
     return trial.single_p <= alpha and trial.pays > 0.0
+
+
+def _size_may_be_nothing(state: Fit, here: ShapeTerm) -> bool:
+    """Whether the intervals of all amplitudes of an effect hold zero; never of a curve, judged as a whole."""
+    if isinstance(here.effect, Curve):
+        return False
+    place = state.columns.of_shape(state.model.shapes.index(here))
+    spread, names = covariance(state)[place, place], [here.effect.parameters[k].name for k in here.free]
+    halves = {name: quantile(state) * math.sqrt(max(float(spread[n, n]), 0.0)) for n, name in enumerate(names)}
+    sizes = [(here.value(name), halves[name]) for name in here.effect.amplitudes if name in halves]
+    return bool(sizes) and all(abs(value) < half for value, half in sizes)
 
 
 def withdraw_lines(pieces: Material, current: Fit, alpha: float, given: Model) -> Fit:

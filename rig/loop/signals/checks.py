@@ -146,7 +146,6 @@ def _products(motor: Floats, output: Floats) -> Floats:
 
 def check_gear(tracks: Sequence[Track], dut: Dut) -> float | None:
     """Give the ratio to use: the device file's, or the measured one, or None. Raises DataError where they disagree."""
-    _check_each_ratio(tracks)
     slope = measured_slope(tracks)
     given = dut.gear.ratio
     if slope is None:
@@ -177,7 +176,7 @@ def check_gear(tracks: Sequence[Track], dut: Dut) -> float | None:
     return float(whole) if abs(-slope / whole - 1.0) < NEARLY_WHOLE else -slope
 
 
-def _check_each_ratio(tracks: Sequence[Track]) -> None:
+def check_each_ratio(tracks: Sequence[Track]) -> None:
     """Raise DataError for a run whose encoders say another ratio than those of most others: a unit, a sign, a swap."""
     slopes = {track.name: slope for track in tracks if (slope := measured_slope([track])) is not None}
     if len(slopes) < FEWEST_TURNING:

@@ -1,9 +1,10 @@
-"""Where a torque is not what the drive or the sensor shows: at a limit, or cut off at the largest value it has.
+"""Where a torque is not what the drive or the sensor shows: at a limit, cut off at the largest value it has, or stuck.
 
-A drive at its torque limit says so in its status word. A sensor beyond its range shows the same value again and again,
-which a noisy channel otherwise never does.
+A drive at its torque limit says so in its status word. A sensor beyond its range, or one that has stuck, shows the same
+value again and again, which a noisy channel otherwise never does.
 """
 
+import itertools
 from collections.abc import Mapping
 
 import numpy as np
@@ -18,8 +19,11 @@ Flags = NDArray[np.bool_]
 LIMIT_ACTIVE = 1 << 11
 """Bit `internal limit active` of the CiA 402 status word."""
 
-FEWEST_CUT = 5
-"""Equal readings in a row at the extreme that make a cut-off."""
+FEWEST_CUT, FEWEST_STUCK, STUCK = 5, 25, 1.0
+"""Equal readings in a row that make a cut-off at the extreme, and a stuck channel anywhere, over s at least."""
+
+TO_AND_FRO = 0.2
+"""Share of successive changes of opposite sign from which on a channel has noise of its own: white noise gives 2/3."""
 
 NOISY = 0.2
 """Share of neighbouring readings that are equal elsewhere, up to which a channel is noisy: a quantised one repeats
@@ -39,12 +43,12 @@ def at_limit(run: Run) -> Flags:
 
 
 def cut_off(run: Run) -> Mapping[str, Flags]:
-    """Give, for each torque that is cut off, the samples (n,) at which it is."""
+    """Give, for each torque that is cut off or has stuck, the samples (n,) at which it is."""
     found = {}
     for name in TORQUES:
         values = run.signals.get(name)
         if values is not None:
-            flags = _cut(values)
+            flags = _cut(values, _period(run))
             if flags.any():
                 found[name] = flags
     return found
@@ -64,17 +68,28 @@ def doubtful_after(values: Floats, cut: Flags) -> Flags:
     return found
 
 
-def _cut(values: Floats) -> Flags:
+def _cut(values: Floats, period: float) -> Flags:
     cut = np.zeros(values.size, dtype=bool)
     known = values[np.isfinite(values)]
     if known.size < 2 * FEWEST_CUT or float(np.ptp(known)) == 0.0:
         return cut
     top, bottom = float(known.max()), float(known.min())
-    extreme = (values == top) | (values == bottom)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], extreme.astype(int), [0]])))
-    for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        if stop - start >= FEWEST_CUT:
+    edges = np.flatnonzero(np.diff(values, prepend=np.nan, append=np.nan) != 0.0)
+    fewest = max(FEWEST_STUCK, STUCK / period) if _noisy_between(values) else values.size + 1
+    for start, stop in itertools.pairwise(edges.tolist()):
+        if stop - start >= (FEWEST_CUT if values[start] in (top, bottom) else fewest):
             cut[start:stop] = True
     elsewhere = ~cut[1:] & ~cut[:-1]
     repeats = np.diff(values)[elsewhere] == 0.0
     return cut if repeats.size and float(repeats.mean()) <= NOISY else np.zeros(values.size, dtype=bool)
+
+
+def _noisy_between(values: Floats) -> bool:
+    """Whether the readings go to and fro where they change: a commanded torque does not, and its holds are real."""
+    steps = np.diff(values)
+    steps = steps[np.isfinite(steps) & (steps != 0.0)]
+    return steps.size > 1 and float((steps[1:] * steps[:-1] < 0.0).mean()) >= TO_AND_FRO
+
+
+def _period(run: Run) -> float:
+    return float(np.median(np.diff(run.time))) if run.time.size > 1 else 1.0

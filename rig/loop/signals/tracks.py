@@ -25,6 +25,7 @@ from rig.loop.signals.polyline import polyline
 from rig.loop.signals.ripple import Ripple, speed_ripple
 from rig.loop.signals.saturation import at_limit, cut_off, doubtful_after
 from rig.loop.signals.smoothing import MIN_SIDE, THERMAL_SPANS, smooth
+from rig.loop.signals.spikes import without_spikes
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -134,6 +135,7 @@ class Track:
 
 def make_track(run: Run, dut: Dut) -> Track:
     """Give the run at the rate of its log, with rows that the log lacks put back and marked as not usable."""
+    run = without_spikes(run)
     run = filled(read_together(run, _PREDICTED if run.procedure in SWEEPS else _TURNING))
     sense = -1.0 if dut.gear.rotation is Rotation.SAME else 1.0
     period = float(np.median(np.diff(run.time))) if run.time.size > 1 else 1.0

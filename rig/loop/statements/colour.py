@@ -16,6 +16,7 @@ from rig.config.dut import Dut
 from rig.loop.model.equations import Law, Piece, target_of
 from rig.loop.model.hum import with_hums
 from rig.loop.model.prediction import Model
+from rig.loop.model.shapes import Place, addition, place_of
 from rig.loop.signals.counts import count_of
 from rig.loop.statements.dwells import dwell_of
 from rig.loop.statements.residuals import Residual
@@ -139,6 +140,24 @@ def cleaned_away(residual: Residual, model: Model) -> Floats:
     rows, found = rows_of(residual), np.zeros(residual.values.size)
     for torque in _inputs(residual.piece, model).values():
         found += ((torque.recorded - torque.used) * torque.weight)[rows]
+    return found
+
+
+def steeply_read(residual: Residual, model: Model) -> Floats:
+    """Give what the noise of a motor torque makes of the shapes that follow it, where they are steep, rad, (m,).
+
+    Within a gap the torque decides on which side it stands, and whether it does the reading hardly tells.
+    """
+    track, rows = residual.piece.track, rows_of(residual)
+    found = np.zeros(rows.size)
+    if residual.piece.law is not Law.TORSION or track.moves or track.M is None or track.motor_torque is None:
+        return found
+    noise = float(np.std((track.motor_torque - track.M)[rows]))
+    for term in model.shapes:
+        if term.effect.signals == ("motor_torque",) and place_of(term.effect) is Place.ANGLE:
+            sides = [addition(term, {"motor_torque": track.M[rows] + way * noise}, track.step) for way in (1.0, -1.0)]
+            if sides[0] is not None and sides[1] is not None:
+                found += 0.5 * np.abs(sides[0] - sides[1])
     return found
 
 

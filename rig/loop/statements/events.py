@@ -10,11 +10,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from rig.config.dut import Dut
 from rig.loop.model.equations import Equation
 from rig.loop.model.prediction import Model
-from rig.loop.statements.colour import STANDS, cleaned_away, encoder_counts, rows_of, slow_counts, slow_square
+from rig.loop.statements.colour import (
+    STANDS,
+    cleaned_away,
+    encoder_counts,
+    rows_of,
+    slow_counts,
+    slow_square,
+    steeply_read,
+)
 from rig.loop.statements.dwells import MEDIAN_TO_SIGMA
 from rig.loop.statements.residuals import Residual
 
@@ -22,6 +31,9 @@ Floats = NDArray[np.float64]
 
 SIDE, LONG_SIDE = 1.0, 3.0
 """s on either side of a step over which its height is taken, and over which it must still be there."""
+
+BEYOND = 1.1
+"""Sides away at which it is looked whether a reading stands: nearer, what begins at the step is part of its speed."""
 
 STANDS_OUT = 6.0
 """Times the typical difference of two such means that a step is high at least."""
@@ -115,6 +127,7 @@ def _steps(residual: Residual, model: Model, counts: tuple[float, float]) -> tup
     gaps = np.flatnonzero(np.diff(residual.time) > max(LONGEST_GAP, 1.5 * period)) + 1
     stretches = list(itertools.pairwise([0, *gaps.tolist(), values.size]))
     unsure = WRONG_INPUT * np.abs(_heights(cleaned_away(residual, model), stretches, side))
+    unsure += WRONG_INPUT * maximum_filter1d(steeply_read(residual, model), 2 * side + 1)
     unsure += _readings(residual, counts, model)
     refused = np.zeros(values.size, dtype=bool)
     found: list[Event] = []
@@ -146,7 +159,7 @@ def _readings(residual: Residual, counts: tuple[float, float], model: Model) -> 
     moves is right on average.
     """
     track, rows = residual.piece.track, rows_of(residual)
-    half = max(round(SIDE / track.period), 1)
+    half = max(round(BEYOND * SIDE / track.period), 1)
     low, high = np.maximum(rows - half, 0), np.minimum(rows + half - 1, track.size - 1)
     before = np.maximum(rows - 1, 0)
     found = np.zeros(rows.size)

@@ -21,6 +21,7 @@ from rig.loop.search.lines import USUAL_HIGHEST_ORDER
 from rig.loop.signals.checks import measured_slope
 from rig.loop.signals.grid import finer_grids
 from rig.loop.signals.living import ANGLES, TORQUES
+from rig.loop.signals.spikes import spikes
 from rig.loop.signals.tracks import LEG_END, SPEED_BAND, Track
 from sim_backend.model.compliance import LAWS
 
@@ -115,6 +116,7 @@ def remarks(tracks: Sequence[Track], runs: Sequence[Run], dut: Dut, model: Model
     """Say what was masked, left out, or could not be known, and where the device file is off."""
     return [
         *_masked(tracks),
+        *_spikes(runs),
         *_unused(tracks, model.ratio),
         *_of_the_ratio(tracks, dut, model.ratio),
         *_of_the_device_file(runs, dut, model),
@@ -128,7 +130,7 @@ def _masked(tracks: Sequence[Track]) -> list[str]:
     if saturated:
         text = ", ".join(f"{name} ({count})" for name, count in saturated.items())
         found.append(
-            f"Saturated samples (torque limit active, or a torque cut off at its extreme) were masked: {text}."
+            f"Saturated samples (torque limit active, a torque cut off at its extreme, or stuck) were masked: {text}."
         )
     masked = {
         track.name: 100.0 * (1.0 - float(track.steady.mean())) for track in tracks if track.moves and track.steady.any()
@@ -138,6 +140,14 @@ def _masked(tracks: Sequence[Track]) -> list[str]:
         legs = f"{100.0 * SPEED_BAND:.0f} %, ends of {LEG_END:g} s cut"
         found.append(f"Outside legs of constant speed ({legs}) and masked: {text}.")
     return found
+
+
+def _spikes(runs: Sequence[Run]) -> list[str]:
+    """Say which torques have readings that are none."""
+    counts = [f"{run.name} {name} ({int(flags.sum())})" for run in runs for name, flags in spikes(run).items()]
+    if not counts:
+        return []
+    return [f"Readings far out of those around them (spikes, dropouts) were taken as missing: {', '.join(counts)}."]
 
 
 def _have(names: Sequence[str]) -> str:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 from drivers.errors import DataError
@@ -365,6 +366,52 @@ def test_a_gain_that_is_off_in_one_fitted_run_names_the_run_and_no_effect(
     for errors in result.equations.values():
         assert errors.held_out is not None
         assert errors.held_out.rms_after < 1.2 * (errors.held_out.floor or 0.0)
+
+
+# -- readings that are none
+
+
+def spoiled_torque(spoil: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> LoopResult:
+    runs, held_out = drawn(LOCKED)
+    runs = tuple(replace(r, signals={**r.signals, "output_torque": spoil(r.signals["output_torque"])}) for r in runs)
+    return trace(runs, dut(), LoopOptions(held_out=held_out))
+
+
+def spiky(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    rng = np.random.default_rng(values.size)
+    found = values.copy()
+    found[rng.choice(values.size, 20, replace=False)] += np.ptp(values) * rng.choice([-1.0, 1.0], 20)
+    return found
+
+
+def lossy(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.where(np.random.default_rng(values.size).random(values.size) < 0.02, 0.0, values)
+
+
+def stuck(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    found = values.copy()
+    found[int(0.4 * values.size) : int(0.6 * values.size)] = values[int(0.4 * values.size)]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (spiky, "(spikes, dropouts) were taken as missing: locked-output-01a output_torque (20)"),
+        (lossy, "(spikes, dropouts) were taken as missing: locked-output-01a output_torque ("),
+        (stuck, "or stuck) were masked: locked-output-01a ("),
+    ],
+)
+def test_spikes_dropouts_and_a_sensor_that_sticks_are_masked_and_told_and_change_no_verdict(
+    spoil: Callable[[NDArray[np.float64]], NDArray[np.float64]], said: str
+) -> None:
+    result = spoiled_torque(spoil)
+    assert (result.verdict, result.effects) == (Verdict.NONE, ())
+    assert any(said in text for text in result.warnings)
+    errors = result.equations["output-torque"].held_out
+    assert errors is not None
+    assert errors.floor is not None
+    assert errors.floor < 0.1, "N*m; the sensor's noise is 0.02"
 
 
 def test_a_run_that_ended_before_anything_moved_is_left_out_and_doubted() -> None:

@@ -117,6 +117,13 @@ def test_a_noisy_torque_that_repeats_its_largest_value_is_cut_off() -> None:
     assert cut["motor_torque"].sum() > 0.9 * (torque < -0.0115).sum()
 
 
+def test_a_commanded_torque_that_rests_between_ramps_has_not_stuck() -> None:
+    time = np.arange(3000) * 0.01
+    torque = np.interp(time, [0.0, 8.0, 12.0, 20.0, 22.0, 30.0], [0.0, 4.0, 4.0, 9.0, 9.0, 0.0])
+    flags = cut_off(make_run("a", "locked-output", time, {"motor_torque": torque})).get("motor_torque")
+    assert flags is None or not flags[800:1200].any()
+
+
 def test_a_quantised_torque_that_is_held_at_its_peak_is_not_cut_off() -> None:
     time = np.arange(0.0, 20.0, 0.01)
     torque = np.round(np.interp(time, [0, 5, 10, 20], [0, 10, 10, -10]), 1)

@@ -8,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from drivers.errors import DataError
+from rig.log.run import Run
 from rig.loop.campaign import LoopOptions, split_runs
 from rig.loop.fitting.base import start_model
 from rig.loop.fitting.normal import correlation_length, solve
@@ -18,7 +19,7 @@ from rig.loop.model.prediction import predict
 from rig.loop.model.shapes import SWEPT_TORQUE, ShapeTerm, addition
 from rig.loop.model.terms import Entry, Line, TermClass, line_values, periodic_effects
 from rig.loop.signals.play import play_path
-from rig.loop.signals.tracks import make_track
+from rig.loop.signals.tracks import make_track, thin_track
 from sim_backend.model.arrays import evaluate
 from sim_backend.model.compliance import Compliance
 from sim_backend.model.effects import CATALOGUE
@@ -172,6 +173,26 @@ def test_a_drawn_split_takes_from_every_procedure_and_repeats_with_its_seed() ->
     assert {run.procedure.value for run in one.held_out} == {"free-run", "backdrive"}
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_what_alone_went_slow_far_or_warm_is_fitted_and_not_drawn(seed: int) -> None:
+    """A further run at a rate of its own, as the next experiment asks for, would settle nothing if it were held out."""
+    time = np.arange(600) * 0.1
+
+    def sweep(name: str, peak: float, turns: float, degrees: float) -> Run:
+        torque = peak * np.sin(2.0 * np.pi * turns * time / time[-1])
+        return make_run(name, "locked-output", time, {"output_torque": torque, "temperature": np.full(600, degrees)})
+
+    def spin(name: str, speed: float) -> Run:
+        return make_run(name, "free-run", time, {"motor_position": speed * time})
+
+    usual = [sweep(f"usual-{k}", 10.0 + 0.1 * k, 4.0, 22.0) for k in range(4)]
+    lone = [sweep("slow", 10.0, 0.5, 22.0), sweep("far", 20.0, 2.0, 22.0), sweep("warm", 10.0, 4.0, 35.0)]
+    runs = [*usual, *lone, spin("crawls", 2.0), *(spin(f"turns-{k}", 20.0 + k) for k in range(3))]
+    held_out = {run.name for run in split_runs(runs, LoopOptions(seed=seed)).held_out}
+    assert len(held_out) == 3
+    assert held_out.isdisjoint({"slow", "far", "warm", "crawls"})
+
+
 def test_two_runs_of_one_name_are_refused() -> None:
     runs = [make_run("a", "free-run", np.arange(3.0), {}) for _ in range(2)]
     with pytest.raises(DataError, match="two runs have this name"):
@@ -189,6 +210,22 @@ def test_the_sample_that_stands_for_equal_readings_is_neither_early_nor_late() -
     assert chosen.size == 200
     # pairs begin at the even samples: their middle is half a sample later
     assert np.mean(chosen - (2 * np.arange(200) + 0.5)) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_gap_that_is_crossed_within_a_sample_of_means_counts_by_the_mean_of_its_law() -> None:
+    time = np.arange(4000) * 1e-3
+    torque = 0.1 * np.sin(2.0 * np.pi * 0.5 * time)
+    signals = {"motor_position": 0.2 * torque, "output_position": np.zeros(4000), "motor_torque": torque}
+    track = thin_track(make_track(make_run("r", "locked-output", time, signals), dut()))
+    piece = next(piece for piece in pieces_of(track, 100.0) if piece.equation is Equation.TORSION)
+    gap = ShapeTerm(CATALOGUE["backlash"], (2e-3, 1e-3, 100.0))
+    plain = start_model(dut(), 100.0, Compliance.ARCTAN, None)
+    added = predict(piece, replace(plain, shapes=(gap,))).value - predict(piece, plain).value
+    factor = 4000 // track.size
+    expected = (2e-5 * np.clip(torque / 1e-3, -1.0, 1.0)).reshape(-1, factor).mean(axis=1)
+    crossing = (np.abs(expected) > 1e-7) & (np.abs(expected) < 1.99e-5)
+    assert crossing.sum() >= 4
+    assert added == pytest.approx(expected, abs=5e-7)
 
 
 def test_a_free_run_takes_the_mean_of_what_its_torque_reading_is_wrong_by() -> None:

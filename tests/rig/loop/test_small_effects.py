@@ -70,6 +70,26 @@ def test_a_frame_that_rings_faster_than_half_the_rate_of_the_means_is_named_with
 
 
 @pytest.mark.timeout(300)
+@pytest.mark.parametrize("seed", [61, 62, 63])
+def test_the_width_of_a_gap_is_known_to_half_a_per_cent_though_it_is_crossed_within_a_few_samples(seed: int) -> None:
+    """The torsion of means of samples has the mean of the law, and not the law of the mean torque."""
+    hidden = Effects(others=(term("backlash", amplitude=4e-3, contact=1e-3, ratio=100.0),))
+    result = traced(hidden, replace(LEAN, free_runs=0, free_run_pairs=0), seed)
+    assert (result.verdict, result.effects) == (Verdict.NAMED, ("backlash",))
+    width = result.steps[0].parameters["amplitude"]
+    assert width.value == pytest.approx(4e-3, rel=5e-3)
+    assert width.ci95 is not None
+    assert width.ci95[0] < 4e-3 < width.ci95[1]
+
+
+def test_on_which_side_a_gap_stands_at_rest_is_hidden_by_coloured_noise_and_is_no_lost_count() -> None:
+    hidden = Effects(others=(term("backlash", amplitude=4e-3, contact=1e-3, ratio=100.0),))
+    for seed in (64, 65, 66):
+        result = traced(hidden, replace(LEAN, free_runs=0, free_run_pairs=0), seed, NoiseKind.AR1)
+        assert result.effects == ("backlash",)
+        assert not any("whole counts" in str(item.evidence.get("meaning")) for item in result.open)
+
+
 def test_a_transducer_that_drifts_is_named_under_coloured_noise_though_a_free_run_takes_only_its_mean() -> None:
     hidden = Effects(others=(term("torque-sensor-drift", per_kelvin=4e-3, per_second=-1.2e-5, reference=25.0),))
     result = traced(hidden, STANDARD, 42, NoiseKind.AR1)
