@@ -38,6 +38,9 @@ OTHER_RATIO, FEWEST_TURNING = 0.2, 3
 OTHER_COMPLIANCE = 10.0
 """Factor between the winding of one sweep and that of most others beyond which a unit or the lock is wrong."""
 
+LEAST_SWEEP = 5.0
+"""Standard deviations of its noise that a torque moves through at least, to say how far it winds the drive."""
+
 LETS_GO = {ProcedureName.LOCKED_OUTPUT: "motor_position", ProcedureName.BACKDRIVE: "output_position"}
 """The angle that follows the torque in a sweep."""
 
@@ -265,8 +268,8 @@ def _check_each_compliance(sweeps: Sequence[Track], name: str) -> None:
         angle: Floats | None = getattr(track, name)
         if angle is None or track.T is None or np.count_nonzero(track.usable) < FEWEST_SAMPLES:
             continue
-        torque = float(np.ptp(track.T[track.usable]))
-        if torque > 0.0:
+        torque, noise = float(np.ptp(track.T[track.usable])), _noise(track)
+        if torque > LEAST_SWEEP * noise:  # else the mesh stuck, and what is left says nothing
             found[track.name] = float(np.ptp(angle[track.usable])) / torque
     usual = float(np.median(list(found.values()))) if len(found) >= FEWEST_TURNING else 0.0
     for run, compliance in found.items():
@@ -282,6 +285,13 @@ def _check_each_compliance(sweeps: Sequence[Track], name: str) -> None:
             hint=f"{'Degrees and radians look mixed up. ' if degrees else ''}Check the unit of the angle and of the "
             f"torque in this run, and whether the lock held; leave the run out or repeat it.",
         )
+
+
+def _noise(track: Track) -> float:
+    """Give the standard deviation of the output torque about its smoothed values, N*m."""
+    if track.output_torque is None or track.T is None:
+        return 0.0
+    return float(np.std((track.output_torque - track.T)[track.usable]))
 
 
 def _check_torsion(track: Track, ratio: float | None) -> None:

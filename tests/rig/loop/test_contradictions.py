@@ -264,3 +264,21 @@ def test_a_torque_constant_that_the_log_contradicts_is_a_warning_with_both() -> 
         told = [warning for warning in warnings if "torque_constant" in warning]
         assert bool(told) is said
         assert not said or ("motor_torque is 0.321 N*m for 1 A" in told[0] and "is 3.21 N*m/A" in told[0])
+
+
+# -- sweeps in which nothing comes through
+
+
+def test_sweeps_in_which_the_mesh_sticks_say_nothing_of_how_far_a_torque_winds_the_drive() -> None:
+    time, rng = np.arange(3000) * 0.01, np.random.default_rng(8)
+    motor = 0.02 * np.sin(2.0 * np.pi * time / 30.0)
+
+    def sweep(name: str, torque: float) -> Run:
+        read = torque * np.sin(2.0 * np.pi * time / 30.0) + 0.02 * rng.standard_t(3, time.size)
+        signals = {"motor_position": motor, "output_position": np.zeros(time.size), "output_torque": read}
+        return make_run(name, "locked-output", time, signals)
+
+    tracks = [make_track(sweep(f"stuck-{k}", 0.0), dut()) for k in range(4)]
+    check_signs([*tracks, make_track(sweep("slipped", 0.5), dut())], 100.0)
+    with pytest.raises(DataError, match="in most sweeps by"):
+        check_signs([make_track(sweep(f"r{k}", 15.0 if k else 0.5), dut()) for k in range(4)], 100.0)
