@@ -268,9 +268,8 @@ def _check_each_compliance(sweeps: Sequence[Track], name: str) -> None:
         angle: Floats | None = getattr(track, name)
         if angle is None or track.T is None or np.count_nonzero(track.usable) < FEWEST_SAMPLES:
             continue
-        torque, noise = float(np.ptp(track.T[track.usable])), _noise(track)
-        if torque > LEAST_SWEEP * noise:  # else the mesh stuck, and what is left says nothing
-            found[track.name] = float(np.ptp(angle[track.usable])) / torque
+        if _swept(track.output_torque, track.T, track):
+            found[track.name] = float(np.ptp(angle[track.usable])) / float(np.ptp(track.T[track.usable]))
     usual = float(np.median(list(found.values()))) if len(found) >= FEWEST_TURNING else 0.0
     for run, compliance in found.items():
         if usual == 0.0 or 1.0 / OTHER_COMPLIANCE < compliance / usual < OTHER_COMPLIANCE:
@@ -287,11 +286,12 @@ def _check_each_compliance(sweeps: Sequence[Track], name: str) -> None:
         )
 
 
-def _noise(track: Track) -> float:
-    """Give the standard deviation of the output torque about its smoothed values, N*m."""
-    if track.output_torque is None or track.T is None:
-        return 0.0
-    return float(np.std((track.output_torque - track.T)[track.usable]))
+def _swept(read: Floats | None, smoothed: Floats | None, track: Track) -> bool:
+    """Whether a torque moved by more than its noise: where the mesh sticks, what the sensor reads says nothing."""
+    if read is None or smoothed is None:
+        return False
+    noise = float(np.std((read - smoothed)[track.usable]))
+    return float(np.ptp(smoothed[track.usable])) > LEAST_SWEEP * noise
 
 
 def _check_torsion(track: Track, ratio: float | None) -> None:
@@ -299,8 +299,9 @@ def _check_torsion(track: Track, ratio: float | None) -> None:
     if not swept or ratio is None or track.motor_position is None or track.output_position is None:
         return
     torsion = track.output_position + track.motor_position / ratio
-    for name, torque in (("output_torque", track.T), ("motor_torque", track.M)):
-        if torque is None or np.ptp(torque[track.usable]) == 0.0 or np.ptp(torsion[track.usable]) == 0.0:
+    torques = (("output_torque", track.output_torque, track.T), ("motor_torque", track.motor_torque, track.M))
+    for name, read, torque in torques:
+        if torque is None or not _swept(read, torque, track) or np.ptp(torsion[track.usable]) == 0.0:
             continue
         correlation = float(np.corrcoef(torque[track.usable], torsion[track.usable])[0, 1])
         if correlation < WRONG_SIGN:
