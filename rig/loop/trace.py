@@ -5,7 +5,7 @@ Training runs alone decide what is added, named, or withdrawn. Held-out runs are
 
 from collections.abc import Callable, Mapping, Sequence, Set
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,12 +17,12 @@ from rig.loop.campaign import Campaign, LoopOptions, split_runs
 from rig.loop.experiment.next import with_next_experiments
 from rig.loop.files.views_file import Views
 from rig.loop.fitting.base import known_parameters, pieces_to_fit, start_model
+from rig.loop.fitting.fit import Fit
 from rig.loop.fitting.normal import about
 from rig.loop.fitting.odd_run import odd_run
 from rig.loop.fitting.starts import scaled_to_data
 from rig.loop.model.equations import Piece, pieces_of
-from rig.loop.model.prediction import Model
-from rig.loop.result import LoopResult, Step
+from rig.loop.result import LoopResult, Open, Step
 from rig.loop.search.decision import Selection
 from rig.loop.search.followed import faster_than, known_speed, select_followed
 from rig.loop.search.given import given_decisions
@@ -92,12 +92,10 @@ def trace(
     check_counts(runs, dut)
     fitted = {run.name for run in campaign.train}
     with hold(used, [_work(run, fitted) for run in used], options.scheduler) as held:
-        result, odd, left = _traced(held, campaign, runs, dut, options, dead, on_stage)
-        if odd is not None and unexplained(result):
-            on_stage(f"once more without {odd}")
-            with suppress(DataError):  # the others alone may not make an equation
-                without, _, less = _traced(held, campaign, runs, dut, options, dead, on_stage, odd)
-                result = without if shows_nothing_else(without, odd) and fits_better(less, left) else result
+        measured = _measured(held, campaign, runs, dut, options)
+        chosen = _without_odd(measured, _searched(measured, on_stage), on_stage)
+        on_stage(f"looking at {counted(len(campaign.held_out), 'held-out run')}")
+        result = _result(measured, chosen, dead)
     return replace(result, elapsed=clock.now() - started)
 
 
@@ -112,48 +110,112 @@ def _work(run: Run, fitted: Set[str]) -> float:
     return A_RUN + samples if run.name in fitted else LOOKED_AT_ONCE * samples
 
 
-def _traced(
-    held: Held[Run],
-    campaign: Campaign,
-    runs: Sequence[Run],
-    dut: Dut,
-    options: LoopOptions,
-    dead: Sequence[str],
-    on_stage: Callable[[str], None],
-    odd: str = "",
-) -> tuple[LoopResult, str | None, Left]:
-    """Trace the runs that are held, those of the campaign in its order.
+@dataclass(frozen=True, slots=True)
+class _Measured:
+    """What is there before anything is fitted. `tracks`: of all runs, those to fit first; `known`: the same, here."""
 
-    Gives the result, the run that bends the base model, and what is left of the training runs.
+    campaign: Campaign
+    runs: Sequence[Run]
+    dut: Dut
+    options: LoopOptions
+    tracks: Held[Track]
+    known: Sequence[Track]
+    ratio: float | None
 
-    `dead`: what to say of channels left out. `odd`: a run of the training runs that is left out.
+    @property
+    def train(self) -> Sequence[Track]:
+        """Tracks of the runs to fit."""
+        return self.known[: len(self.campaign.train)]
+
+    @property
+    def held_out(self) -> Sequence[Track]:
+        """Tracks of the runs to look at once."""
+        return self.known[len(self.campaign.train) :]
+
+
+@dataclass(frozen=True, slots=True)
+class _Searched:
+    """What the training runs gave: those that were fitted, by name, without the one that is `odd`, if one is.
+
+    `base`: the fit without effects; `fastest`: rad/s of the legs whose motor torque is used.
     """
+
+    fitted: frozenset[str]
+    odd: str
+    base: Fit
+    selection: Selection
+    fastest: float
+
+
+def _measured(held: Held[Run], campaign: Campaign, runs: Sequence[Run], dut: Dut, options: LoopOptions) -> _Measured:
+    """Make the tracks of the runs that are held, and hold them and the device file against each other."""
     tracks = held.keep(make_track, dut)
-    known_tracks = tracks.gather()
-    train, held_out = known_tracks[: len(campaign.train)], known_tracks[len(campaign.train) :]
-    check_each_ratio(known_tracks)
-    ratio = check_gear(train, dut)
-    check_signs(known_tracks, ratio)
-    check_torques(known_tracks, ratio)
+    known = tracks.gather()
+    check_each_ratio(known)
+    ratio = check_gear(known[: len(campaign.train)], dut)
+    check_signs(known, ratio)
+    check_torques(known, ratio)
     check_work(runs)
-    start = scaled_to_data(start_model(dut, ratio, options.law, options.base), train)
-    train = [track for track in train if track.name != odd]
+    return _Measured(campaign, runs, dut, options, tracks, known, ratio)
+
+
+def _searched(measured: _Measured, on_stage: Callable[[str], None], odd: str = "") -> _Searched:
+    """Fit the training runs but the one that is `odd`, and search what they leave."""
+    campaign, options, ratio = measured.campaign, measured.options, measured.ratio
+    start = scaled_to_data(start_model(measured.dut, ratio, options.law, options.base), measured.train)
+    train = [track for track in measured.train if track.name != odd]
     names = frozenset(track.name for track in train)
-    pieces = tracks.spread(pieces_to_fit, names, ratio, start)
-    _check_equations(pieces, train, held_out, ratio, campaign)
-    on_stage(f"fitting {counted(len(campaign.train), 'run')} and searching what they leave")
-    known = known_parameters(dut, ratio)
-    given = given_decisions(options.base, start)
+    pieces = measured.tracks.spread(pieces_to_fit, names, ratio, start)
+    _check_equations(pieces, train, measured.held_out, ratio, campaign)
+    on_stage(f"fitting {counted(len(train), 'run')} and searching what they leave")
+    known, given = known_parameters(measured.dut, ratio), given_decisions(options.base, start)
     base, selection, fastest = select_followed(pieces, start, options.alpha, known, given, on_stage)
-    on_stage(f"looking at {counted(len(campaign.held_out), 'held-out run')}")
-    fastest = min(fastest, known_speed(pieces, selection))
-    final = selection.fit
-    pairs = _looked_at(tracks, ratio, fastest, base.model, final.model, dut)
+    return _Searched(names, odd, base, selection, min(fastest, known_speed(pieces, selection)))
+
+
+def _without_odd(measured: _Measured, found: _Searched, on_stage: Callable[[str], None]) -> _Searched:
+    """Search again without the run that bends the base model, if one does; the training runs decide which stays."""
+    odd = odd_run(found.base)
+    if odd is None:
+        return found
+    said, left = _of_training(measured, found)
+    if not unexplained(said):
+        return found
+    on_stage(f"once more without {odd}")
+    with suppress(DataError):  # the others alone may not make an equation
+        without = _searched(measured, on_stage, odd)
+        said, less = _of_training(measured, without)
+        adds = any(not decision.given for decision in without.selection.decisions)
+        if not adds and shows_nothing_else(said, odd) and fits_better(less, left):
+            return without
+    return found
+
+
+def _of_training(measured: _Measured, found: _Searched) -> tuple[tuple[Open, ...], Left]:
+    """Give what stays open in the training runs, and how much is left of each."""
+    model, train = found.selection.fit.model, [track.name for track in measured.train]
+    pairs = _looked_at(measured, found, train)
+    fitted = [pair for pair in pairs if pair.run != found.odd]
+    wrong = wrong_experiments(
+        measured.train, found.fitted, [pair.calm for pair in pairs], measured.dut, model, found.odd
+    )
+    right = [pair for pair in fitted if pair.run not in wrong.told]
+    judged = equations_of({"train": right, "held_out": []}, measured.dut, model, wrong.runs)
+    said = (*wrong.open, *open_statements(found.selection, right, [], judged, measured.dut))
+    return said, left_of([pair.after for pair in fitted])
+
+
+def _result(measured: _Measured, found: _Searched, dead: Sequence[str]) -> LoopResult:
+    """Look at the held-out runs, and say everything. `dead`: what to say of channels left out."""
+    campaign, runs, dut = measured.campaign, measured.runs, measured.dut
+    selection, base, final = found.selection, found.base, found.selection.fit
+    pairs = _looked_at(measured, found, [track.name for track in measured.known])
     sides = {
-        "train": [pair for pair in pairs if pair.run in names],
-        "held_out": [pair for pair in pairs if pair.run not in names and pair.run != odd],
+        "train": [pair for pair in pairs if pair.run in found.fitted],
+        "held_out": [pair for pair in pairs if pair.run not in found.fitted and pair.run != found.odd],
     }
-    wrong = wrong_experiments(known_tracks, names, [pair.calm for pair in pairs], dut, final.model, odd)
+    calm = [pair.calm for pair in pairs]
+    wrong = wrong_experiments(measured.known, found.fitted, calm, dut, final.model, found.odd)
     equations = equations_of(sides, dut, final.model, wrong.runs)
     refuse_leaks(equations, campaign.held_out)
     changes = {
@@ -164,41 +226,40 @@ def _traced(
     terms = steps_of(selection.decisions, final, base, dut, changes)
     entries = [decision.kind.enters for decision in selection.decisions]
     steps = tuple(term for term, decision in zip(terms, selection.decisions, strict=True) if not decision.given)
-    model = model_of(final, terms, entries, dut, software_version(), options.base)
+    model = model_of(final, terms, entries, dut, software_version(), measured.options.base)
     right = {side: [pair for pair in pairs if pair.run not in wrong.told] for side, pairs in sides.items()}
     judged = equations_of(right, dut, final.model, wrong.runs)
     still_open = (*wrong.open, *open_statements(selection, right["train"], right["held_out"], judged, dut))
+    known = known_parameters(dut, measured.ratio)
     steps, still_open = with_next_experiments(steps, selection.added, still_open, final, runs, dut, known)
-    warnings = (
-        *endings(runs),
-        *averagings(runs),
-        *campaign.warnings,
-        *dead,
-        *too_short(runs),
-        *([f"{odd}: left out of the fit, as the others agree without it."] if odd else []),
-        *wrong.warnings,
-        *far_from_prior(final, still_open),
-        *doubts(final),
-        *remarks(known_tracks, runs, dut, final.model),
-        *unadded(selection),
-        *_left_out(known_tracks, ratio, fastest),
-        *untested(judged),
-    )
     quiet = not steps and not still_open
-    result = LoopResult(
+    return LoopResult(
         train=tuple(run.name for run in campaign.train),
         held_out=tuple(run.name for run in campaign.held_out),
         equations=equations,
         steps=steps,
         open=still_open,
-        warnings=warnings,
+        warnings=(
+            *endings(runs),
+            *averagings(runs),
+            *campaign.warnings,
+            *dead,
+            *too_short(runs),
+            *([f"{found.odd}: left out of the fit, as the others agree without it."] if found.odd else []),
+            *wrong.warnings,
+            *far_from_prior(final, still_open),
+            *doubts(final),
+            *remarks(measured.known, runs, dut, final.model),
+            *unadded(selection),
+            *_left_out(measured.known, measured.ratio, found.fastest),
+            *untested(judged),
+        ),
         elapsed=0.0,
         model=model,
         views=_views(sides, selection, steps, campaign, dut),
         silence=silence_of(selection, [pair.calm for pair in right["train"]], dut) if quiet else None,
         apart=tuple(run.name for run in campaign.held_out if run.name in wrong.told),
     )
-    return result, odd_run(base), left_of([pair.after for pair in sides["train"]])
 
 
 def _check_equations(
@@ -223,12 +284,12 @@ def _check_equations(
         )
 
 
-def _looked_at(
-    tracks: Held[Track], ratio: float | None, fastest: float, before: Model, after: Model, dut: Dut
-) -> list[BeforeAfter]:
-    """Give what every run leaves without and with the effects, at the full rate of its log."""
-    pairs = tracks.spread(before_and_after, ratio, fastest, before, after).gather()
-    events = events_of([pair.after for pair in pairs], dut, after)
+def _looked_at(measured: _Measured, found: _Searched, names: Sequence[str]) -> list[BeforeAfter]:
+    """Give what the runs of these `names` leave without and with the effects, at the full rate of their logs."""
+    before, after = found.base.model, found.selection.fit.model
+    wanted = frozenset(names)
+    pairs = measured.tracks.spread(before_and_after, wanted, measured.ratio, found.fastest, before, after).gather()
+    events = events_of([pair.after for pair in pairs], measured.dut, after)
     return [replace(pair, events=some) for pair, some in zip(pairs, events, strict=True)]
 
 

@@ -27,7 +27,7 @@ STEP = 2e-5
 """s; 1/83 of a period of the mode at 602 Hz, whose amplitude then falls by 1e-4 of itself a second too much."""
 
 PHASE_A_STEP = 0.15
-"""rad; what the fastest mode may turn in a step (PHYSICS 4.5: the step of a Runge-Kutta method)."""
+"""rad; what the fastest mode may turn in a step (a Runge-Kutta method of fourth order is stable below 2.8)."""
 
 
 class DrivenRun(NamedTuple):

@@ -7,12 +7,12 @@ from contextlib import suppress
 from pathlib import Path
 
 from rig.outlets import NobodyReads, guard_outlets
-from tests.challenge.cases import DEVELOPMENT, FAMILIES, REPORT
+from tests.challenge.cases import DEVELOPMENT, FAMILIES, UNSEEN
 from tests.challenge.run import lines_in, run_all
 from tests.challenge.table import report
 
 COUNTS = {"single": 62, "third": 62, "pair": 24, "outside": 30, "none": 64, "ambiguous": 26, "bench": 8}
-"""Cases of each family: an hour on two cores."""
+"""Cases of each family: an hour on two cores. Without a miss 73 decide a bar of 95 %, 189 one of 98 %: `--scale`."""
 
 SMALL = {"single": 8, "third": 4, "pair": 2, "outside": 4, "none": 8, "ambiguous": 3, "bench": 1}
 """For a quick look, some minutes; far too few for a rate."""
@@ -42,7 +42,7 @@ def main() -> None:
     asked = parser.parse_args()
     if asked.table is None:
         families = asked.family or list(FAMILIES)
-        seeds = asked.seeds or (DEVELOPMENT if asked.dev else REPORT)
+        seeds = asked.seeds or (DEVELOPMENT if asked.dev else UNSEEN)
         counts = {
             family: len(seeds)
             if asked.seeds

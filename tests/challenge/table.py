@@ -82,8 +82,14 @@ def bars(lines: Sequence[Line]) -> list[Bar]:
 
 def report(lines: Sequence[Line]) -> str:
     """Give everything as Markdown: bars, what was missed effect by effect, intervals, what is too small, time."""
-    parts = (_bars, _calls, _by_hidden, _misses, _coverage, _too_small, _seconds)
+    parts = (_answered, _bars, _calls, _by_hidden, _misses, _coverage, _too_small, _seconds)
     return "\n\n".join(text for text in (part(lines) for part in parts) if text) + "\n"
+
+
+def _answered(lines: Sequence[Line]) -> str:
+    """Say which commits the answers are of."""
+    counts = Counter(line.get("code") or "unknown" for line in lines)
+    return "Answers of " + ", ".join(f"{code} ({count})" for code, count in counts.most_common()) + "." if lines else ""
 
 
 def _of(lines: Iterable[Line], family: str) -> list[Line]:
@@ -108,6 +114,7 @@ def _adds_nothing(line: Line) -> bool:
 
 
 def _describes(line: Line) -> bool:
+    """Whether what is hidden is told, or in a set; something that is not there may stand beside it."""
     return line["naming"] in (RIGHT, EXTRA)
 
 

@@ -1,4 +1,4 @@
-"""Second formulas of the effects in the torque balance (PHYSICS 6.3), N*m, contract signs.
+"""Second formulas of the effects in the torque balance, N*m, contract signs.
 
 The friction ones give what they add to the level of the dry friction at the motor, a magnitude.
 """

@@ -1,6 +1,6 @@
 """Parameters of every effect drawn from a seed, where the effect is visible.
 
-In the working ranges of PHYSICS 6, most in the upper half, none on a grid; where the range says nothing a comment does.
+In the literature's working ranges, most in the upper half, none on a grid; where the range says nothing a comment does.
 One effect is drawn larger, as it shows in no campaign otherwise: torque-sensor-nonlinearity.
 """
 

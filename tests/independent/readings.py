@@ -1,4 +1,4 @@
-"""Second formulas of the instruments' errors (PHYSICS 6.4, 6.5): reading less truth, in the unit of the reading.
+"""Second formulas of the instruments' errors: reading less truth, in the unit of the reading.
 
 Functions take the true signals over whole records; those that remember take `time` (s, evenly spaced) first.
 """

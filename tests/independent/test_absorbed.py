@@ -1,4 +1,4 @@
-"""What a refit of the base model takes up of an effect: PHYSICS 6, "left", on one locked cycle of +-16 N*m.
+"""What a refit of the base model takes up of an effect: what is left, on one locked cycle of +-16 N*m.
 
 The cycle is a triangle of the output torque; the motor's torque is 1.2 N*m ahead of it by friction.
 """
@@ -41,7 +41,7 @@ def added(effect: str, **parameters: float) -> np.ndarray:
     ("zone", "size", "left", "left_of_all"), [(0.8, 29.2e-6, 8.4e-6, 6.4e-6), (3.0, 27.0e-6, 4.0e-6, 2.9e-6)]
 )
 def test_a_soft_windup_is_seen_only_with_a_third_of_its_size(zone, size, left, left_of_all):
-    """PHYSICS prints 8.5 and 4.1 left of 29.2 and 27.0, and 6.4 and 2.9 with the wave generator free."""
+    """The reference says 8.5 and 4.1 left of 29.2 and 27.0, and 6.4 and 2.9 with the wave generator free."""
     windup = added("soft-windup", amplitude=30e-6, zone=zone)
     assert np.std(windup) == pytest.approx(size, abs=6e-8)
     assert refit(BASE + windup)[0] == pytest.approx(left, abs=1.5e-7)
@@ -117,7 +117,7 @@ def test_a_kinematic_error_at_one_start_angle_biases_the_stiffness_by_two_per_ce
 
 
 def test_three_lines_are_left_by_6_microradian():
-    """PHYSICS 6.1: three lines with K3 = 1.2e4 differ from the arctangent by 10.8 urad rms; after a refit by 6.0."""
+    """Reference: three lines with K3 = 1.2e4 differ from the arctangent by 10.8 urad rms; after a refit by 6.0."""
     lines = np.interp(np.abs(T), [0.0, 3.9, 12.0, 16.0], np.cumsum([0.0, 3.9 / 8.4e3, 8.1 / 9.4e3, 4.0 / 1.2e4]))
     torsion = BASE - laws.flexspline_torsion(T, DRIVE.K_F0, DRIVE.C_F) + np.sign(T) * lines
     assert np.std(torsion - BASE) == pytest.approx(10.8e-6, abs=1e-7)

@@ -1,4 +1,4 @@
-"""The second formulas of the torque balance do what PHYSICS 6.3 says."""
+"""The second formulas of the torque balance do what the physics says."""
 
 import numpy as np
 import pytest

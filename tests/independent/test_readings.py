@@ -1,4 +1,4 @@
-"""The second formulas of the instruments' errors do what PHYSICS 6.4 and 6.5 say, in its numbers."""
+"""The second formulas of the instruments' errors give known numbers."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The second formulas of the torsion do what PHYSICS 6.2 says, in its numbers and in closed forms."""
+"""The second formulas of the torsion give known numbers and closed forms."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Second formulas of the effects in the torsion (PHYSICS 6.2): rad at the output, contract signs.
+"""Second formulas of the effects in the torsion: rad at the output, contract signs.
 
 One function per catalogue id over whole records. Those that remember take `time` (s, evenly spaced) first.
 """

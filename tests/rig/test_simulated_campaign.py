@@ -39,6 +39,7 @@ def test_an_undeclared_kinematic_error_is_named_and_removed_down_to_the_floor(tm
     assert torsion.floor_ci95[0] <= torsion.rms_after <= torsion.floor_ci95[1]
 
 
+@pytest.mark.campaign
 @pytest.mark.timeout(600)  # ten minutes of bench time
 def test_without_an_effect_the_loop_says_none(tmp_path):
     result = traced(tmp_path, ())

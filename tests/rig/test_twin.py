@@ -28,7 +28,7 @@ WIDE = 1.5
     ("effect", "values", "campaign", "equation"),
     [
         ("kinematic-error", {"amplitude": 6e-5, "order": 2.0, "phase": 0.7}, TURNS, "torsion"),
-        ("load-dependent-friction", {"amplitude": 0.08}, LOADS, "motor-torque"),
+        pytest.param("load-dependent-friction", {"amplitude": 0.08}, LOADS, "motor-torque", marks=pytest.mark.campaign),
         ("creep", {"time_constant": 1.5}, RATES, "torsion"),
     ],
 )

@@ -1,7 +1,7 @@
 """The runs that a next experiment is chosen from: settings of the procedures as data, scaled to the bench and device.
 
 Torques and rates are shares of what the device bears, so that one menu serves every drive; what bench or device cannot
-do is left out. Source: the menu of experiments of the project's notes on tracing, as far as the four procedures go.
+do is left out. What separates which effects says docs/effects.md; here is what the four procedures can do of it.
 """
 
 from collections.abc import Iterator, Mapping

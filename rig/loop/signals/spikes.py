@@ -30,15 +30,18 @@ def spikes(run: Run) -> Mapping[str, Flags]:
     found = {}
     for name in TORQUES:
         values = run.signals.get(name)
-        if values is None or values.size <= AROUND or not np.isfinite(values).all():
+        known = np.zeros(0, dtype=bool) if values is None else np.isfinite(values)
+        if values is None or known.sum() <= AROUND:
             continue
+        place = np.arange(values.size)
+        values = np.interp(place, place[known], values[known])
         middle = median_filter(values, AROUND, mode="nearest")
         off = np.abs(values - middle)
-        flags = off > max(FAR * float(np.ptp(middle)), NOISES * float(np.median(off)))
+        flags = known & (off > max(FAR * float(np.ptp(middle)), NOISES * float(np.median(off))))
         if not flags.any() or float(np.ptp(middle)) == 0.0:
             continue
         if flags.sum() >= FEWEST_ALIKE and np.ptp(values[flags]) == 0.0:
-            flags = (values == values[flags][0]) & (off > NEAR * float(np.median(off)))
+            flags = known & (values == values[flags][0]) & (off > NEAR * float(np.median(off)))
         found[name] = flags
     return found
 

@@ -38,9 +38,11 @@ class BeforeAfter:
 
 
 def before_and_after(
-    track: Track, ratio: float | None, fastest: float, before: Model, after: Model
+    track: Track, names: Set[str], ratio: float | None, fastest: float, before: Model, after: Model
 ) -> list[BeforeAfter]:
-    """Give the residuals of a run without and with the effects, at the full rate of its log."""
+    """Give the residuals of a run of these `names` without and with the effects, at the full rate; of others none."""
+    if track.name not in names:
+        return []
     pieces = [kept for piece in pieces_of(track, ratio) for kept in up_to(piece, fastest)]
     return [BeforeAfter(residual_of(piece, before, after), residual_of(piece, after)) for piece in pieces]
 

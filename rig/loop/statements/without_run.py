@@ -4,14 +4,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from rig.loop.result import LoopResult, Open, Verdict
+from rig.loop.result import Open, Verdict
 from rig.loop.statements.residuals import Residual, rms
 
 BETTER, NOT_WORSE = 1.2, 0.95
 """Times as much as without a run that must be left of one equation with it, and of any at least."""
-
-HELD_OUT_EVIDENCE = frozenset({"floor_high", "held_out_rms_after"})
-"""Keys of statements that rest on held-out runs."""
 
 Left = Mapping[tuple[str, str], float]
 """Rms that is left of a training run, in the equation's unit, by run and by equation and procedure."""
@@ -25,14 +22,14 @@ def left_of(residuals: Sequence[Residual]) -> Left:
     }
 
 
-def unexplained(result: LoopResult) -> bool:
-    """Whether the training runs leave something that nothing explains."""
-    return any(item.verdict in (Verdict.UNTRACED, Verdict.UNCONTROLLED) for item in _of_training(result))
+def unexplained(said: Sequence[Open]) -> bool:
+    """Whether the training runs leave something that nothing explains; `said`: what stays open in them."""
+    return any(item.verdict in (Verdict.UNTRACED, Verdict.UNCONTROLLED) for item in said)
 
 
-def shows_nothing_else(without: LoopResult, run: str) -> bool:
-    """Whether a result without a run says nothing of the training runs but that this run does not fit."""
-    return not without.steps and all(item.evidence.get("run") == run for item in _of_training(without))
+def shows_nothing_else(said: Sequence[Open], run: str) -> bool:
+    """Whether all that stays open without a run is that this run does not fit."""
+    return all(item.evidence.get("run") == run for item in said)
 
 
 def fits_better(without: Left, before: Left) -> bool:
@@ -42,17 +39,3 @@ def fits_better(without: Left, before: Left) -> bool:
         times.setdefault(place, []).append(before[run, place] / max(rms_without, 1e-300))
     typical = [float(np.median(some)) for some in times.values()]
     return bool(typical) and max(typical) > BETTER and min(typical) > NOT_WORSE
-
-
-def _of_training(result: LoopResult) -> list[Open]:
-    """Give the open statements that no held-out run had a say in."""
-    return [
-        item
-        for item in result.open
-        if not HELD_OUT_EVIDENCE & item.evidence.keys() and not _of_these_alone(item, result.held_out)
-    ]
-
-
-def _of_these_alone(item: Open, runs: Sequence[str]) -> bool:
-    odd = item.evidence.get("odd_runs")
-    return isinstance(odd, list) and bool(odd) and set(map(str, odd)) <= set(runs)

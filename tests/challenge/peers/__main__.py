@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.challenge.cases import DEVELOPMENT, GROUPS, REPORT, Case, campaign_of, make_case
+from tests.challenge.cases import DEVELOPMENT, GROUPS, UNSEEN, Case, campaign_of, make_case
 from tests.challenge.expected import expected_of
 from tests.challenge.peers import narmax, sindy
 from tests.challenge.peers.columns import Floats, Prepared, Task, prepare_columns
@@ -137,7 +137,7 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     if asked.table is None:
         done = {(line["family"], line["seed"]) for line in lines_in(folder)}
-        seeds = DEVELOPMENT if asked.dev else REPORT
+        seeds = DEVELOPMENT if asked.dev else UNSEEN
         for family in asked.family or COUNTS:
             for k in range(max(1, round(asked.scale * COUNTS[family]))):
                 seed = _seed_of(family, seeds, k)

@@ -348,9 +348,9 @@ def test_an_angle_that_jumps_is_refused_with_the_moment() -> None:
     ("name", "factors"),
     [
         ("locked-output-03", {"output_torque": 1.3}),
-        ("backdrive-02", {"output_torque": 1.3}),
-        ("free-run-03", {"motor_torque": 1.3}),
         ("locked-output-03", {"motor_position": 1.3}),
+        pytest.param("backdrive-02", {"output_torque": 1.3}, marks=pytest.mark.campaign),
+        pytest.param("free-run-03", {"motor_torque": 1.3}, marks=pytest.mark.campaign),
     ],
 )
 def test_a_gain_that_is_off_in_one_fitted_run_names_the_run_and_no_effect(
@@ -384,6 +384,12 @@ def spiky(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return found
 
 
+def spiky_and_missing(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    found = spiky(values)
+    found[100] = np.nan
+    return found
+
+
 def lossy(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(np.random.default_rng(values.size).random(values.size) < 0.02, 0.0, values)
 
@@ -398,6 +404,10 @@ def stuck(values: NDArray[np.float64]) -> NDArray[np.float64]:
     ("spoil", "said"),
     [
         (spiky, "(spikes, dropouts) were taken as missing: locked-output-01a output_torque (20)"),
+        (
+            spiky_and_missing,
+            "(spikes, dropouts) were taken as missing: locked-output-01a output_torque (20)",
+        ),
         (lossy, "(spikes, dropouts) were taken as missing: locked-output-01a output_torque ("),
         (stuck, "or stuck) were masked: locked-output-01a ("),
     ],

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import pytest
 
+from rig.loop.result import Verdict
 from sim_backend.model.effects import CATALOGUE
 from tests.independent.instruments import NoiseKind
 from tests.rig.loop.standard import CONTROL, establish, hidden_effects
@@ -88,10 +89,10 @@ def test_what_cannot_be_told_apart_comes_out_as_a_set(effect: str):
 
 
 @pytest.mark.timeout(400)
-@pytest.mark.parametrize("noise", [NoiseKind.WHITE, NoiseKind.AR1, NoiseKind.TORQUE_PROPORTIONAL])
+@pytest.mark.parametrize("noise", list(NoiseKind))
 def test_nothing_is_found_where_nothing_is_hidden(noise: NoiseKind):
-    outcome = establish(CONTROL, SEED, noise)
-    assert outcome.result.effects == ()
+    result = establish(CONTROL, SEED, noise).result
+    assert (result.verdict, result.effects) == (Verdict.NONE, ())
 
 
 @pytest.mark.timeout(400)

@@ -54,6 +54,25 @@ def test_a_traced_kinematic_error_brings_the_held_out_torsion_to_the_floor() -> 
     assert torsion.rms_after < 1.15 * torsion.floor
 
 
+def test_held_out_runs_may_lower_the_verdict_and_never_steer_the_search() -> None:
+    """What the fitted runs show stays, to the last digit, where the held-out runs show the opposite."""
+    turned = Effects(kinematic_error=(Line(2.0, 1e-4, 0.7 + np.pi),))
+    runs, held_out = runs_of(Campaign(11, effects=KINEMATIC, plan=SMALL, rate=RATE))
+    others, _ = runs_of(Campaign(11, effects=turned, plan=SMALL, rate=RATE))
+    mixed = tuple(other if run.name in held_out else run for run, other in zip(runs, others, strict=True))
+    result, plain = trace(mixed, dut(), LoopOptions(held_out=held_out)), traced(KINEMATIC)
+    assert [(step.effect, step.parameters) for step in result.steps] == [
+        (step.effect, step.parameters) for step in plain.steps
+    ]
+    assert result.model.base == plain.model.base
+    torsion = result.equations["torsion"].held_out
+    assert torsion is not None
+    assert torsion.rms_after > 1.5 * torsion.rms_before
+    assert result.verdict is not Verdict.NAMED
+    meanings = [str(item.evidence["meaning"]) for item in result.open]
+    assert "what was added on the training runs makes the held-out runs worse" in meanings
+
+
 @pytest.mark.timeout(600)  # the longest search: a line at order 84 in 220 000 samples
 def test_cogging_is_named_alone_and_leaves_no_line_in_the_torsion() -> None:
     result = traced(COGGING)

@@ -105,7 +105,7 @@ def test_every_law_agrees_with_another_way_to_the_same_number(bench):
             assert abs(row.obtained) < 1e-8, row.quantity
     found = {row.quantity: row.obtained for row in rows}
     assert found["torsion at -T2"] == pytest.approx(-(3.9 / 8.4e3 + 8.1 / 9.4e3))
-    # PHYSICS 3.3: 1.6641e-3 of the flexspline, all but nothing of Psi/2 of the wave generator at 13 starting torques
+    # reference: 1.6641e-3 of the flexspline, all but nothing of Psi/2 of the wave generator at 13 starting torques
     assert found["torsion of the flexspline"] == pytest.approx(1.6641e-3, abs=5e-8)
     assert found["torsion of the wave generator, at the motor"] == pytest.approx(9.0e-3, rel=1e-5)
     assert found["torsion at rated torque"] == pytest.approx(1.6641e-3 + 9.0e-5, abs=5e-8)
@@ -161,7 +161,7 @@ def test_what_the_laws_miss_in_the_plant_is_the_torque_of_its_dampers(bench):
     # at zero torque the flexspline is swept steadily, once each way
     loop = 2.0 * BENCH.flexspline_damping * drive.ratio * RATE / drive.K_F0**2
     assert found["loop of (12) at zero torque"] == pytest.approx(loop, rel=0.05)
-    # PHYSICS 3.3
+    # reference figures
     assert found["loop of (13) at zero torque"] == pytest.approx(1.14e-4, abs=1e-6)
     # 63 % of Psi/2 N at T_fs
     assert found["K_w at the starting torque"] == pytest.approx(0.012 / (0.632 * 9e-3), rel=1e-3)
@@ -195,7 +195,7 @@ def test_the_two_springs_make_the_loop_that_friction_and_stiffness_say(bench):
     assert found["half width of the loop at F_b = 0"] == pytest.approx(1.2, rel=0.05)
     found = values(two_springs.stiffness_curves(bench))
     assert found["loop of the two springs at zero torque"] == pytest.approx(2.0 * 1.2 / (1e4 * 4.0 / 3.0), rel=1e-3)
-    # PHYSICS 3.3
+    # reference figures
     assert found["loop of the drive at zero torque"] == pytest.approx(1.14e-4, abs=5e-7)
 
 
@@ -225,7 +225,7 @@ def test_the_breakaway_is_the_starting_torque_and_the_first_pulse_is_not(bench):
     found = values(thresholds.starting_torque(bench))
     for counts, most in ((4096, 2.24e-3), (16384, 0.52e-3)):
         assert found[f"T_fs by breakaway, {counts} counts"] == pytest.approx(0.012, rel=0.03)
-        # PHYSICS 5.1; a pulse comes as soon as half a count is wound up where the count began in the middle
+        # reference; a pulse comes as soon as half a count is wound up where the count began in the middle
         assert found[f"torque at the first pulse, {counts} counts"] < 1.05 * most
 
 
@@ -287,7 +287,7 @@ def test_figure_12_sets_every_model_beside_every_bench(bench):
 
 def test_backdriven_the_loop_is_81_percent_of_psi_and_the_logic_36_gives_the_motor_s_torque(bench):
     case = bench.share(backdrive.with_printed_friction)
-    assert case.hysteresis_loss == pytest.approx(1.46e-4, rel=0.02)  # PHYSICS 3.3
+    assert case.hysteresis_loss == pytest.approx(1.46e-4, rel=0.02)  # reference
     assert bench.share(backdrive.with_starting_friction).hysteresis_loss == pytest.approx(1.14e-4, rel=0.02)
     found = values(backdrive.loop(bench))
     assert found["rms error of the torsion (28)"] < NOISE

@@ -151,7 +151,7 @@ def test_stiffness_modulation_has_no_say_without_torque():
 
 
 def test_fifteen_kelvin_soften_the_flexspline_by_seven_microradians():
-    # PHYSICS: 7.5 urad at 16 N*m for 3e-4 1/K
+    # reference: 7.5 urad at 16 N*m for 3e-4 1/K
     torsion = added(
         "temperature-dependent-stiffness",
         (3e-4, 25.0),
@@ -314,7 +314,7 @@ def test_missed_counts_come_at_the_stated_rate_with_either_sign():
     assert np.var(steps) == pytest.approx(expected, rel=4.0 * math.sqrt(2.0 / seeds))
     assert np.mean(last) == pytest.approx(0.0, abs=4.0 * math.sqrt(expected / seeds))
     assert np.var(last) == pytest.approx(expected, rel=4.0 * math.sqrt(2.0 / seeds))
-    # PHYSICS: 4 counts of 4096 x 4 are 15 urad at the output
+    # reference: 4 counts of 4096 x 4 are 15 urad at the output
     assert count / 100.0 == pytest.approx(15e-6, rel=3e-2)
 
 

@@ -85,7 +85,7 @@ def test_the_cubic_is_solved_to_the_last_digits_also_for_a_small_curvature():
 
 def test_a_torsion_that_no_torque_reaches_is_refused():
     K_F0, C_F = PARAMETERS[Compliance.ARCTAN]
-    # PHYSICS 3.1: the arctan law ends at 4.20e-3 rad, the wave generator's at 9.0e-3 rad
+    # reference: the arctan law ends at 4.20e-3 rad, the wave generator's at 9.0e-3 rad
     assert flexspline_torque(np.array([4.19e-3]), K_F0, C_F) > 1000.0
     with pytest.raises(ModelError, match=r"0\.0042 rad must be below 0\.00419"):
         flexspline_torque(np.array([0.0, -4.2e-3]), K_F0, C_F)

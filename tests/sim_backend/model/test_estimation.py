@@ -22,7 +22,7 @@ def test_the_printed_curvature_does_not_return_the_catalogue_it_came_from():
     middles = np.array([3.9 / 2, (3.9 + 12.0) / 2])
     assert flexspline_stiffness(middles, K_F0, C_F) == pytest.approx([8400.0, 9400.0], rel=1e-12)
     printed = 0.089
-    # PHYSICS 5.1: 8587 and 12 509 N*m/rad, torsion at 12 N*m short by 16 %
+    # reference: 8587 and 12 509 N*m/rad, torsion at 12 N*m short by 16 %
     assert flexspline_stiffness(middles, K_F0, printed) == pytest.approx([8587.0, 12509.0], abs=1.0)
     assert flexspline_torsion(12.0, K_F0, printed) / flexspline_torsion(12.0, K_F0, C_F) == pytest.approx(
         0.84, abs=0.005

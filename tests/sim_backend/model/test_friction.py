@@ -40,7 +40,7 @@ def printed_36(output_torque, ratio, T_fb, *, sign, inequality):
     ("sign", "inequality", "rms"), [(False, False, 0.059), (True, False, 0.174), (False, True, 0.141)]
 )
 def test_the_logic_of_36_as_printed_or_half_corrected_is_no_friction(sign, inequality, rms):
-    # PHYSICS 5.1: rms in T_w over two triangles of 14 N*m
+    # reference: rms in T_w over two triangles of 14 N*m
     wrong = printed_36(TRIANGLE, 100.0, 2.0, sign=sign, inequality=inequality)
     difference = wrong - backdriving_torque(TRIANGLE, 100.0, 2.0)
     assert np.sqrt(np.mean(difference**2)) == pytest.approx(rms, rel=0.01)

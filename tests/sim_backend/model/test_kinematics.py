@@ -1,4 +1,4 @@
-"""Ideal kinematics and torques of every configuration; PHYSICS section 2."""
+"""Ideal kinematics and torques of every configuration, against the textbook's table."""
 
 import itertools
 import math

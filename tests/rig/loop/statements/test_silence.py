@@ -14,10 +14,12 @@ from tests.rig.loop.runs import dut, runs_of
 
 SEED = 914
 
+pytestmark = pytest.mark.xdist_group("silence")  # the silent campaign is shared
+
 
 @cache
 def traced(effects: Effects) -> LoopResult:
-    runs, held_out = runs_of(Campaign(SEED, effects, plan=STANDARD))
+    runs, held_out = runs_of(Campaign(SEED, effects, plan=STANDARD, rate=100.0))
     return trace(runs, dut(), LoopOptions(held_out=held_out))
 
 
