@@ -7,6 +7,7 @@ drawn with a seed, those last that alone went somewhere: what only they show is 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatch
+from pathlib import PurePath
 
 import numpy as np
 
@@ -102,7 +103,9 @@ def split_runs(runs: Sequence[Run], options: LoopOptions) -> Campaign:
 
 def _by_pattern(runs: Sequence[Run], patterns: Sequence[str], warnings: list[str]) -> tuple[list[Run], list[Run]]:
     def matches(run: Run, pattern: str) -> bool:
-        return any(fnmatch(name, pattern) for name in (run.file.name, run.file.stem, run.name))
+        # a path, as other commands take it, ends in the name of the file
+        meant = (pattern, PurePath(pattern).name)
+        return any(fnmatch(name, one) for name in (run.file.name, run.file.stem, run.name) for one in meant)
 
     idle = [pattern for pattern in patterns if not any(matches(run, pattern) for run in runs)]
     if idle:

@@ -15,7 +15,7 @@ MODEL_NAME = "model.json"
 
 MAX_BYTES = 5_000_000
 
-_HINT = "Write it anew with `rig loop`."
+_HINT = "Correct it (`rig effects NAME` says what an effect has), or write it anew with `rig loop`."
 
 
 def write_model(model: Model, path: Path) -> None:

@@ -16,7 +16,7 @@ from scipy.stats import chi2
 from scipy.stats import t as student
 
 from rig.loop.fitting.fit import Fit
-from rig.loop.fitting.normal import Columns, LinearPiece, block_scores, solve
+from rig.loop.fitting.normal import Columns, LinearPiece, block_scores, solve, untold
 from rig.loop.model.equations import Law
 from rig.loop.model.prediction import Model
 from rig.loop.model.terms import Line
@@ -46,7 +46,15 @@ def covariance(state: Fit) -> Floats:
     # the catalogue's scatter is part of what is not known
     found = seen + inverse @ (np.diag(state.prior) + _unsure_ripple(state) + _unsure_zeros(state)) @ inverse
     widening = _between_conditions(state, inverse, np.diag(found))
-    return np.asarray(found * np.outer(widening, widening))
+    return np.asarray(found * np.outer(widening, widening)) + _left_to_prior(A, state.prior)
+
+
+def _left_to_prior(A: Floats, prior: Floats) -> Floats:
+    """Give the scatter (p, p) of what the data cannot tell at all, as Coulomb from viscous friction at one speed."""
+    found = np.zeros_like(A)
+    for way in untold(A):
+        found += np.outer(way, way) / max(float(prior @ way**2), 1e-300)
+    return found
 
 
 def left_out(A: Floats, information: Floats, scores: Floats, inverse: Floats) -> Floats:

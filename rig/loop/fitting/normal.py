@@ -171,16 +171,33 @@ def side_by_side(columns: Sequence[Floats]) -> Floats:
     return np.array(columns).T
 
 
+TOLD = 1e-11
+"""Share of the largest eigenvalue, of a matrix with unit diagonal, from which on a direction is told."""
+
+
 def solve(A: Floats, b: Floats) -> Floats:
     """Solve A x = b for a positive semi-definite A, scaled to unit diagonal; directions without information give 0."""
     if not A.size:
         return np.zeros_like(b)
-    scale = np.sqrt(np.maximum(np.diag(A), 1e-300))
-    values, vectors = np.linalg.eigh(A / np.outer(scale, scale))
-    keep = values > 1e-11 * values[-1]
+    scale, values, vectors = _scaled(A)
+    keep = values > TOLD * values[-1]
     projected = vectors.T @ (b.T / scale).T
     solved = np.where(keep, 1.0 / np.where(keep, values, 1.0), 0.0)
     return np.asarray(((vectors @ (solved * projected.T).T).T / scale).T)
+
+
+def untold(A: Floats) -> Floats:
+    """Give the directions (k, p) of which A tells nothing: there `solve` gives 0."""
+    if not A.size:
+        return np.zeros((0, 0))
+    scale, values, vectors = _scaled(A)
+    return np.asarray((vectors / scale[:, None]).T[values <= TOLD * values[-1]])
+
+
+def _scaled(A: Floats) -> tuple[Floats, Floats, Floats]:
+    scale = np.sqrt(np.maximum(np.diag(A), 1e-300))
+    values, vectors = np.linalg.eigh(A / np.outer(scale, scale))
+    return scale, values, vectors
 
 
 def predicted(piece: Piece, model: Model) -> Predicted:

@@ -45,9 +45,21 @@ def select_followed(
         on_stage(f"once more without the torque of legs faster than {fastest:.4g} rad/s")
         slow = fit_base(fewer, start)
         found = select(fewer, slow, alpha, known, given, on_stage)
-        if len(found.decisions) > len(whole.decisions):
+        if takes_over(found, whole):
             return slow, found, fastest
     return base, whole, math.inf
+
+
+def takes_over(found: Selection, whole: Selection) -> bool:
+    """Whether what was `found` without the fast legs stays: it has a line of a torque more, or more of anything.
+
+    What was added in place of a line, with all legs, is no reason to do without it.
+    """
+    return _torque_lines(found) > _torque_lines(whole) or len(found.decisions) > len(whole.decisions)
+
+
+def _torque_lines(selection: Selection) -> int:
+    return sum(not line.kind.entry.is_angle for line in selection.fit.model.lines)
 
 
 def _followed(selection: Selection) -> float | None:

@@ -73,7 +73,7 @@ WRONG_SIGN = -0.5
 """Correlation of torque and torsion below which a sign is wrong, not noisy."""
 
 
-LARGEST = {"rad": 1e8, "rad/s": 1e6, "N*m": 1e7, "A": 1e6, "degC": 1e5, "V": 1e6}
+LARGEST = {"rad": 1e8, "rad/s": 1e6, "N*m": 1e7, "A": 1e6, "degC": 250.0, "V": 1e6}
 """Magnitudes by unit that no bench reaches; beyond them a unit or a column is wrong."""
 
 
@@ -94,7 +94,8 @@ def check_magnitudes(runs: Sequence[Run]) -> None:
                     column=name,
                     value=float(values[away[0]]),
                     expected=f"at most {bound:g} {signal.unit}",
-                    hint="Check the unit and the scale of the column, in the mapping or in the header.",
+                    hint="Check the unit and the scale of the column, in the mapping or in the header."
+                    + (" It may be in kelvin." if signal.unit == "degC" else ""),
                 )
 
 

@@ -58,18 +58,20 @@ def living(runs: Sequence[Run]) -> tuple[tuple[Run, ...], tuple[str, ...]]:
         run, warning = without_dead(run)
         kept.append(run)
         warnings += [warning] if warning else []
-    for procedure in SWEEPS:
-        for shaft, channels in TORQUE_AT.items():
-            kept, told = _alike(kept, procedure, shaft, channels)
+    for shaft, channels in TORQUE_AT.items():
+        # the torque of the output winds the flexspline in either sweep: with it and without are two torsions
+        for procedures in (SWEEPS,) if "output_torque" in channels else tuple((one,) for one in SWEEPS):
+            kept, told = _alike(kept, procedures, shaft, channels)
             warnings += told
     return tuple(kept), tuple(warnings)
 
 
 def _alike(
-    runs: Sequence[Run], procedure: ProcedureName, shaft: str, channels: tuple[str, ...]
+    runs: Sequence[Run], procedures: tuple[ProcedureName, ...], shaft: str, channels: tuple[str, ...]
 ) -> tuple[list[Run], list[str]]:
     """Leave out the sweeps without a torque (`channels`) that most have, or take from the few what most lack."""
-    sweeps = [run for run in runs if run.procedure is procedure and run.signals]
+    sweeps = [run for run in runs if run.procedure in procedures and run.signals]
+    kind = " and ".join(procedures)
     with_it = {run.name for run in sweeps if run.signals.keys() & set(channels)}
     without = {run.name for run in sweeps} - with_it
     if not with_it or not without:
@@ -77,9 +79,9 @@ def _alike(
     few = without if len(without) <= len(with_it) else with_it
     kept = [run if run.name not in few else _without(run, run.signals if few is without else channels) for run in runs]
     what = (
-        f"no torque of the {shaft} was recorded, and other {procedure} runs have it: the run is left out. Repeat it."
+        f"no torque of the {shaft} was recorded, and other {kind} runs have it: the run is left out. Repeat it."
         if few is without
-        else f"most {procedure} runs have no torque of the {shaft}: taken without it."
+        else f"most {kind} runs have no torque of the {shaft}: taken without it."
     )
     return kept, [f"{run.name}: {what}" for run in runs if run.name in few]
 

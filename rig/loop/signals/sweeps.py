@@ -90,10 +90,12 @@ def _check_stiffness(sweeps: Sequence[Run], ratio: float, dut: Dut) -> None:
     if dut.gear.K1 is None or not shown:
         return
     torque, torsion, name = max(shown)
-    stiffness = torque / torsion
     loaded = torque > LOADED * (dut.gear.T1 or dut.gear.rated_torque or 0.0)
+    if not loaded or torque == 0.0:
+        return
+    stiffness = torque / torsion
     off = abs(math.log(stiffness / dut.gear.K1))
-    if not loaded or not DEGREES / ALIKE < math.exp(off) < DEGREES * ALIKE:
+    if not DEGREES / ALIKE < math.exp(off) < DEGREES * ALIKE:
         return
     raise DataError(
         name,

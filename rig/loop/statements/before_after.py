@@ -94,7 +94,7 @@ def _pooled_errors(pairs: Sequence[BeforeAfter], floor: Floor | None) -> Errors:
 
 
 def untested(equations: Mapping[str, EquationResult]) -> list[str]:
-    """Say which procedures of which equation are fitted, and tested by no run that was held out.
+    """Say which procedures of which equation are fitted and tested by no run that was held out, or the reverse.
 
     `equations`: errors without the runs that are experiments of another kind.
     """
@@ -106,6 +106,12 @@ def untested(equations: Mapping[str, EquationResult]) -> list[str]:
             found.append(
                 f"No held-out run of the same kind tests {name} in {', '.join(missing)}: nothing but the fitted runs "
                 f"says how well the model does there. Hold one out with --held-out, or record one more."
+            )
+        unknown = [procedure for procedure in tested if procedure not in fitted]
+        if unknown:
+            found.append(
+                f"No run that was fitted has {name} in {', '.join(unknown)}: what is left of the held-out ones says "
+                f"nothing of the model. Hold fewer out, or record one more."
             )
     return found
 

@@ -87,12 +87,16 @@ def slow_noise(residuals: Sequence[Residual], dut: Dut, model: Model) -> SlowNoi
 
 
 def encoder_counts(piece: Piece, dut: Dut, ratio: float | None) -> tuple[float, float] | None:
-    """Give the counts of the motor's and of the output's encoder, rad at the output; None where one is not known."""
+    """Give the counts of the motor's and of the output's encoder, rad at the output; None where one is not known.
+
+    0 for one that the device file does not say and that reads the same throughout.
+    """
     track, given, found = piece.track, (dut.motor.encoder_counts, dut.output.encoder_counts), []
     if ratio is None:
         return None
     for count, position, gear in zip(given, (track.motor_position, track.output_position), (ratio, 1.0), strict=True):
-        step = 2.0 * math.pi / count if count else None if position is None else count_of([position])
+        read = None if position is None else 0.0 if np.ptp(position) == 0.0 else count_of([position])
+        step = 2.0 * math.pi / count if count else read
         if step is None:
             return None
         found.append(step / gear)

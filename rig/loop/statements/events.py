@@ -86,7 +86,7 @@ def events_of(residuals: Sequence[Residual], dut: Dut, model: Model) -> list[tup
     found = []
     for residual in residuals:
         counts = encoder_counts(residual.piece, dut, model.ratio)
-        found.append(() if counts is None else _steps(residual, model, counts))
+        found.append(_steps(residual, model, counts) if counts is not None and counts[0] > 0.0 else ())
     kept = []
     groups = [(residual.piece.track.replicate, residual.piece.track.procedure) for residual in residuals]
     for number, events in enumerate(found):
@@ -165,7 +165,7 @@ def _readings(residual: Residual, counts: tuple[float, float], model: Model) -> 
     found = np.zeros(rows.size)
     gears = (model.ratio or 1.0, 1.0)
     for position, count, gear in zip((track.motor_position, track.output_position), counts, gears, strict=True):
-        if position is None:
+        if position is None or count == 0.0:
             continue
         angle = position / gear
         slow = slow_counts(angle, count, track.period)

@@ -306,9 +306,15 @@ def _above_floor(
     """
     found = []
     for (name, procedure), members in by_procedure(residuals).items():
-        whole = equations[name].held_out
+        whole, fitted = equations[name].held_out, equations[name].train
         errors = whole.by_procedure.get(procedure) if whole is not None else None
-        if errors is None or errors.floor_ci95 is None or known & {(name, procedure), (name, None)}:
+        if (
+            fitted is None
+            or procedure not in fitted.by_procedure
+            or errors is None
+            or errors.floor_ci95 is None
+            or known & {(name, procedure), (name, None)}
+        ):
             continue
         smoothed = np.concatenate([cleaned_away(residual, model) for residual in members])
         taken = float(np.mean(smoothed**2))

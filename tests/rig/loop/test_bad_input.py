@@ -18,6 +18,7 @@ from rig.loop.signals.checks import check_gear, check_signs, check_torques, torq
 from rig.loop.signals.living import living
 from rig.loop.signals.tracks import make_track
 from rig.loop.trace import trace
+from tests.challenge.cases import LEAN
 from tests.independent.campaign import DUT, Campaign, Plan
 from tests.independent.laws import shd_17_100
 from tests.rig.loop.runs import dut, make_run, runs_of, turning_run
@@ -128,7 +129,8 @@ def test_a_sweep_without_a_torque_that_others_have_is_left_out_and_no_effect_is_
     runs, held_out = drawn(LOCKED)
     result = trace([spoil(runs[0]), *runs[1:]], dut(), LoopOptions(held_out=held_out))
     assert (result.verdict, result.effects) == (Verdict.NONE, ())
-    said = f"{runs[0].name}: no torque of the {shaft} was recorded, and other locked-output runs have it"
+    kind = "locked-output and backdrive" if shaft == "output" else "locked-output"
+    said = f"{runs[0].name}: no torque of the {shaft} was recorded, and other {kind} runs have it"
     assert any(said in text and "Repeat it" in text for text in result.warnings)
     assert runs[0].name not in result.model.runs
 
@@ -441,3 +443,39 @@ def test_where_sweeps_have_no_motor_torque_it_is_said_that_no_shape_was_looked_f
     said = "Shapes without a name were not looked for: locked-output-01a"
     assert any(text.startswith(said) for text in result.warnings)
     assert result.effects == ()
+
+
+# -- what the campaign cannot say
+
+
+def test_a_torque_that_is_dead_in_every_run_is_told_and_the_campaign_is_traced_without_it() -> None:
+    runs, held_out = drawn(LOCKED)
+    dead = [replace(run, signals={**run.signals, "output_torque": np.zeros(run.time.size)}) for run in runs]
+    result = trace(dead, dut(DUT), LoopOptions(held_out=held_out))
+    assert all(any(run.name in text and "stood still" in text for text in result.warnings) for run in dead)
+
+
+def test_a_temperature_in_kelvin_is_refused_with_what_it_may_be() -> None:
+    def warmer(run: Run) -> Run:
+        return replace(run, signals={**run.signals, "temperature": run.signals["temperature"] + 273.15})
+
+    with pytest.raises(DataError, match=r"locked-output-03.*temperature reaches 29\d.*kelvin"):
+        trace(one_spoiled("locked-output-03", warmer), dut(DUT), LoopOptions())
+
+
+def test_friction_that_no_fitted_run_shows_is_said_and_not_called_untraced() -> None:
+    runs, _ = drawn(ALL_KINDS)
+    result = trace(runs, dut(), LoopOptions(held_out=("free-run-*",)))
+    assert any("No run that was fitted has motor-torque in free-run" in text for text in result.warnings)
+    assert not [item for item in result.open if "free-run" in str(item.evidence.get("procedure"))]
+
+
+def test_coulomb_and_viscous_friction_of_runs_at_one_speed_are_not_told_apart() -> None:
+    plan = replace(LEAN, locked_angles=0, locked_pairs=0, backdrives=0, backdrive_pairs=0, free_runs=3)
+    plan = replace(plan, slow_speed=(30.0, 30.0), fast_speed=(30.0, 30.0))
+    runs, held_out = runs_of(Campaign(5, plan=plan, rate=100.0))
+    base = trace(runs, dut(), LoopOptions(held_out=held_out)).model.base.parameters
+    for name, truth in (("T_c", 0.012), ("b", 1e-4)):
+        low, high = base[name].ci95 or (0.0, 0.0)
+        assert low < truth < high
+        assert high - low > truth

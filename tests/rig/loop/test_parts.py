@@ -163,6 +163,7 @@ def test_replicates_are_held_out_together() -> None:
             (("a", "g"), ("b", "g"), ("c", None))]  # fmt: skip
     campaign = split_runs(runs, LoopOptions(held_out=("a*",)))
     assert [run.name for run in campaign.held_out] == ["a", "b"]
+    assert split_runs(runs, LoopOptions(held_out=("some/folder/a*",))).held_out == campaign.held_out
     assert any("Replicates stay on one side" in warning for warning in campaign.warnings)
 
 
