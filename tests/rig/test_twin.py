@@ -29,7 +29,7 @@ WIDE = 1.5
     [
         ("kinematic-error", {"amplitude": 6e-5, "order": 2.0, "phase": 0.7}, TURNS, "torsion"),
         pytest.param("load-dependent-friction", {"amplitude": 0.08}, LOADS, "motor-torque", marks=pytest.mark.campaign),
-        ("creep", {"time_constant": 1.5}, RATES, "torsion"),
+        pytest.param("creep", {"time_constant": 1.5}, RATES, "torsion", marks=pytest.mark.campaign),
     ],
 )
 def test_the_loop_finds_the_same_in_the_logs_of_the_twin(tmp_path, effect, values, campaign, equation):

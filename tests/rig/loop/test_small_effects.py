@@ -52,6 +52,7 @@ def test_a_fixture_that_yields_in_every_run_is_a_set_with_the_flexspline() -> No
     assert {"fixture-compliance", "flexspline-compliance"} <= set(step.members)
 
 
+@pytest.mark.campaign
 @pytest.mark.timeout(300)
 def test_two_effects_that_explain_much_of_the_same_are_both_named_and_no_set_of_each_other() -> None:
     offset = term("torque-sensor-offset", amplitude=0.25)
@@ -70,7 +71,7 @@ def test_a_frame_that_rings_faster_than_half_the_rate_of_the_means_is_named_with
 
 
 @pytest.mark.timeout(300)
-@pytest.mark.parametrize("seed", [61, 62, 63])
+@pytest.mark.parametrize("seed", [61, *(pytest.param(seed, marks=pytest.mark.campaign) for seed in (62, 63))])
 def test_the_width_of_a_gap_is_known_to_half_a_per_cent_though_it_is_crossed_within_a_few_samples(seed: int) -> None:
     """The torsion of means of samples has the mean of the law, and not the law of the mean torque."""
     hidden = Effects(others=(term("backlash", amplitude=4e-3, contact=1e-3, ratio=100.0),))
@@ -82,14 +83,15 @@ def test_the_width_of_a_gap_is_known_to_half_a_per_cent_though_it_is_crossed_wit
     assert width.ci95[0] < 4e-3 < width.ci95[1]
 
 
-def test_on_which_side_a_gap_stands_at_rest_is_hidden_by_coloured_noise_and_is_no_lost_count() -> None:
+@pytest.mark.parametrize("seed", [64, *(pytest.param(seed, marks=pytest.mark.campaign) for seed in (65, 66))])
+def test_on_which_side_a_gap_stands_at_rest_is_hidden_by_coloured_noise_and_is_no_lost_count(seed: int) -> None:
     hidden = Effects(others=(term("backlash", amplitude=4e-3, contact=1e-3, ratio=100.0),))
-    for seed in (64, 65, 66):
-        result = traced(hidden, replace(LEAN, free_runs=0, free_run_pairs=0), seed, NoiseKind.AR1)
-        assert result.effects == ("backlash",)
-        assert not any("whole counts" in str(item.evidence.get("meaning")) for item in result.open)
+    result = traced(hidden, replace(LEAN, free_runs=0, free_run_pairs=0), seed, NoiseKind.AR1)
+    assert result.effects == ("backlash",)
+    assert not any("whole counts" in str(item.evidence.get("meaning")) for item in result.open)
 
 
+@pytest.mark.campaign
 def test_a_transducer_that_drifts_is_named_under_coloured_noise_though_a_free_run_takes_only_its_mean() -> None:
     hidden = Effects(others=(term("torque-sensor-drift", per_kelvin=4e-3, per_second=-1.2e-5, reference=25.0),))
     result = traced(hidden, STANDARD, 42, NoiseKind.AR1)
@@ -101,6 +103,7 @@ def test_a_transducer_that_drifts_is_named_under_coloured_noise_though_a_free_ru
         assert abs(result.steps[0].parameters[name].value - value) < 2.0 * half_width
 
 
+@pytest.mark.campaign
 def test_a_torque_constant_off_by_less_than_a_thousandth_is_no_play_of_the_load() -> None:
     # few samples, linearised, see more in the play; refitted to all, it foretells less
     case = make_case("third", 4182)
