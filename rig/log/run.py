@@ -85,6 +85,11 @@ class Run:
     averaged: int = 1
 
     @property
+    def period(self) -> float:
+        """Typical time between samples, s; 1 of a single sample."""
+        return float(np.median(np.diff(self.time))) if self.time.size > 1 else 1.0
+
+    @property
     def status(self) -> str | None:
         """How the run ended, as the log says it (`done`, `aborted`, ...); None where it does not tell."""
         return self.metadata.get("outcome.status") or None

@@ -139,7 +139,7 @@ def _drawn(runs: Sequence[Run], seed: int, warnings: list[str]) -> tuple[list[Ru
         count = min(max(1, round(HELD_OUT_SHARE * len(groups))), len(groups) - 1)
         # replicates measure the floor: single runs are held out first
         order = [single[k] for k in rng.permutation(len(single))] + [several[k] for k in rng.permutation(len(several))]
-        lone = outermost({name: tuple(members) for name, members in groups.items()})
+        lone = outermost(groups)
         order.sort(key=lambda name: name in lone)
         out |= {run.name for name in order[:count] for run in groups[name]}
     warnings.append(f"Held out (drawn with seed {seed}): {', '.join(sorted(out)) or 'none'}.")

@@ -24,7 +24,10 @@ TURNING = 1e-3
 
 
 def outermost(groups: Mapping[str, Sequence[Run]]) -> frozenset[str]:
-    """Give the names of groups whose runs are beyond all other groups in one condition, on either side."""
+    """Give the names of groups whose runs are beyond all other groups in one condition, on either side.
+
+    `groups`: runs of one procedure by the name of what they repeat; those of a group are alike: the first is looked at.
+    """
     where = {name: _conditions(runs[0]) for name, runs in groups.items()}
     found = set()
     for name, here in where.items():
@@ -37,18 +40,21 @@ def outermost(groups: Mapping[str, Sequence[Run]]) -> frozenset[str]:
 
 
 def _conditions(run: Run) -> Mapping[str, float]:
-    """Give logarithms of the largest torque and its rate, of the slowest and fastest speed, and the temperature."""
+    """Give where a run was, by condition: the temperature in degC; else the logarithm of a size, in SI units.
+
+    Those are the largest torque and its rate, and of a run that turns the slowest and the fastest speed.
+    """
     found = {}
     torque = next((run.signals[name] for name in ("output_torque", "motor_torque") if name in run.signals), None)
     if torque is not None:
-        found["torque"] = _log(_share_of(np.abs(torque), 99.0))
-        found["rate"] = _log(_share_of(_rates(run.time, torque), 75.0))
+        found["torque"] = _log(_percentile(np.abs(torque), 99.0))
+        found["rate"] = _log(_percentile(_rates(run.time, torque), 75.0))
     if run.procedure not in SWEEPS and "motor_position" in run.signals:
         speeds = _rates(run.time, run.signals["motor_position"])
-        turning = speeds[speeds > TURNING * _share_of(speeds, 100.0)]
-        found["slowest"], found["fastest"] = (_log(_share_of(turning, share)) for share in (10.0, 90.0))
+        turning = speeds[speeds > TURNING * _percentile(speeds, 100.0)]
+        found["slowest"], found["fastest"] = (_log(_percentile(turning, share)) for share in (10.0, 90.0))
     if "temperature" in run.signals:
-        found["temperature"] = _share_of(run.signals["temperature"], 50.0)
+        found["temperature"] = _percentile(run.signals["temperature"], 50.0)
     return {name: value for name, value in found.items() if math.isfinite(value)}
 
 
@@ -57,7 +63,7 @@ def _rates(time: Floats, values: Floats) -> Floats:
     return np.abs(np.diff(values[::step])) / np.diff(time[::step])
 
 
-def _share_of(values: Floats, share: float) -> float:
+def _percentile(values: Floats, share: float) -> float:
     known = values[np.isfinite(values)]
     return float(np.percentile(known, share)) if known.size else math.nan
 

@@ -15,7 +15,6 @@ from rig.config.dut import Dut
 from rig.log.run import ProcedureName, Run, averagings, endings
 from rig.loop.campaign import Campaign, LoopOptions, split_runs
 from rig.loop.experiment.next import with_next_experiments
-from rig.loop.files.model_file import Model as ModelFile
 from rig.loop.files.views_file import Views
 from rig.loop.fitting.base import known_parameters, pieces_to_fit, start_model
 from rig.loop.fitting.fit import Fit
@@ -49,7 +48,7 @@ from rig.loop.statements.before_after import (
 )
 from rig.loop.statements.events import events_of
 from rig.loop.statements.open_statements import open_statements
-from rig.loop.statements.remarks import doubts, far_from_prior, remarks, unadded
+from rig.loop.statements.remarks import doubts, far_from_prior, of_another_drive, remarks, unadded
 from rig.loop.statements.report_steps import model_of, steps_of
 from rig.loop.statements.silence import silence_of
 from rig.loop.statements.views import Added, Pair, facts_of, views_of
@@ -250,7 +249,7 @@ def _result(measured: _Measured, found: _Searched, dead: Sequence[str]) -> LoopR
             *wrong.warnings,
             *far_from_prior(final, still_open),
             *doubts(final),
-            *_of_another_drive(measured.options.base, dut),
+            *of_another_drive(measured.options.base, dut),
             *remarks(measured.known, runs, dut, final.model),
             *unadded(selection),
             *_left_out(measured.known, measured.ratio, found.fastest),
@@ -293,19 +292,6 @@ def _looked_at(measured: _Measured, found: _Searched, names: Sequence[str]) -> l
     pairs = measured.tracks.spread(before_and_after, wanted, measured.ratio, found.fastest, before, after).gather()
     events = events_of([pair.after for pair in pairs], measured.dut, after)
     return [replace(pair, events=some) for pair, some in zip(pairs, events, strict=True)]
-
-
-def _of_another_drive(base: ModelFile | None, dut: Dut) -> list[str]:
-    """Say where the model to start from is that of a drive with another name or ratio."""
-    if base is None:
-        return []
-    pairs = (("name", base.dut.name, dut.name), ("ratio", base.dut.gear.ratio, dut.gear.ratio))
-    other = [f"{what} {theirs}, not {ours}" for what, theirs, ours in pairs if theirs != ours]
-    if not other:
-        return []
-    return [
-        f"The model of --base is of another drive ({'; '.join(other)}): its effects and levels may not be this one's."
-    ]
 
 
 def _left_out(tracks: Sequence[Track], ratio: float | None, fastest: float) -> list[str]:

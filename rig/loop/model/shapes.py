@@ -149,6 +149,11 @@ class ShapeTerm:
         free = [self.effect.parameters[k] for k in self.free]
         return self.effect.reads == "output_torque" and all(p.unit == "s" for p in free)
 
+    @property
+    def is_of_motor_torque(self) -> bool:
+        """Whether it follows the motor torque alone, without memory."""
+        return self.effect.shape is Shape.STATIC and self.effect.signals == ("motor_torque",)
+
     def value(self, name: str) -> float:
         """Give one parameter."""
         return self.values[[p.name for p in self.effect.parameters].index(name)]
@@ -215,7 +220,7 @@ def addition(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> Flo
     if late is not None:
         return _means(late, signals)
     fast = signals.get(FAST_MOTOR_TORQUE)
-    if fast is not None and term.effect.shape is Shape.STATIC and term.effect.signals == ("motor_torque",):
+    if fast is not None and term.is_of_motor_torque:
         # the mean of what lies about a corner is less than what lies at the mean
         return _means(evaluate(term.effect, {"motor_torque": fast}, term.values, step=step), signals)
     return evaluate(term.effect, signals, term.values, step=step)

@@ -22,8 +22,13 @@ TURNED_MOTOR, TURNED_OUTPUT = 6.0, 0.05
 """rad of travel of one shaft beyond which the other one must have moved."""
 
 
-TORQUE_AT = {"output": ("output_torque",), "motor": ("motor_torque", "motor_current")}
-"""Channels that say the torque at a shaft."""
+OF_MOTOR = ("motor_torque", "motor_current")
+LIKE_SWEEPS = (
+    ("output", ("output_torque",), SWEEPS),
+    *(("motor", OF_MOTOR, (procedure,)) for procedure in SWEEPS),
+)
+"""Shaft, channels that say its torque, and procedures whose sweeps all have one of them or none: the output's winds the
+flexspline in either sweep, the motor's is another's in each."""
 
 STANDS = 2e-3
 """rad of an angle below which a run in which nothing else moves may have ended before it began; a small quick sweep,
@@ -36,7 +41,7 @@ PARTS, MORE_THAN_NOISE = 20, 3.0
 def living(runs: Sequence[Run]) -> tuple[tuple[Run, ...], tuple[str, ...]]:
     """Give the runs without their dead channels, and a warning for every run that has any.
 
-    Where only some sweeps of a procedure have a torque, the fewer are left out, or taken without it. Raises DataError
+    Where only some sweeps have a torque, the fewer are left out, or taken without it. Raises DataError
     where nothing changes in any run.
     """
     if runs and not any(_moves(run) for run in runs):
@@ -58,11 +63,9 @@ def living(runs: Sequence[Run]) -> tuple[tuple[Run, ...], tuple[str, ...]]:
         run, warning = without_dead(run)
         kept.append(run)
         warnings += [warning] if warning else []
-    for shaft, channels in TORQUE_AT.items():
-        # the torque of the output winds the flexspline in either sweep: with it and without are two torsions
-        for procedures in (SWEEPS,) if "output_torque" in channels else tuple((one,) for one in SWEEPS):
-            kept, told = _alike(kept, procedures, shaft, channels)
-            warnings += told
+    for shaft, channels, procedures in LIKE_SWEEPS:
+        kept, told = _alike(kept, procedures, shaft, channels)
+        warnings += told
     return tuple(kept), tuple(warnings)
 
 

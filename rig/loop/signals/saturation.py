@@ -48,7 +48,7 @@ def cut_off(run: Run) -> Mapping[str, Flags]:
     for name in TORQUES:
         values = run.signals.get(name)
         if values is not None:
-            flags = _cut(values, _period(run))
+            flags = _cut(values, run.period)
             if flags.any():
                 found[name] = flags
     return found
@@ -89,7 +89,3 @@ def _noisy_between(values: Floats) -> bool:
     steps = np.diff(values)
     steps = steps[np.isfinite(steps) & (steps != 0.0)]
     return steps.size > 1 and float((steps[1:] * steps[:-1] < 0.0).mean()) >= TO_AND_FRO
-
-
-def _period(run: Run) -> float:
-    return float(np.median(np.diff(run.time))) if run.time.size > 1 else 1.0

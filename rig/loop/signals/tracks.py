@@ -138,7 +138,7 @@ def make_track(run: Run, dut: Dut) -> Track:
     run = without_spikes(run)
     run = filled(read_together(run, _PREDICTED if run.procedure in SWEEPS else _TURNING))
     sense = -1.0 if dut.gear.rotation is Rotation.SAME else 1.0
-    period = float(np.median(np.diff(run.time))) if run.time.size > 1 else 1.0
+    period = run.period
     usable = np.ones(run.time.size, dtype=bool)
 
     def signal(name: str, factor: float = 1.0) -> Floats | None:

@@ -158,7 +158,7 @@ def steeply_read(residual: Residual, model: Model) -> Floats:
         return found
     noise = float(np.std((track.motor_torque - track.M)[rows]))
     for term in model.shapes:
-        if term.effect.signals == ("motor_torque",) and place_of(term.effect) is Place.ANGLE:
+        if term.is_of_motor_torque and place_of(term.effect) is Place.ANGLE:
             sides = [addition(term, {"motor_torque": track.M[rows] + way * noise}, track.step) for way in (1.0, -1.0)]
             if sides[0] is not None and sides[1] is not None:
                 found += 0.5 * np.abs(sides[0] - sides[1])

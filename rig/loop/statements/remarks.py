@@ -8,6 +8,7 @@ import numpy as np
 from rig.config.catalogue import doubt
 from rig.config.dut import Dut
 from rig.log.run import SWEEPS, ProcedureName, Run
+from rig.loop.files.model_file import Model as ModelFile
 from rig.loop.fitting.fit import Fit
 from rig.loop.fitting.intervals import hidden_share
 from rig.loop.fitting.starts import FACTOR
@@ -121,6 +122,19 @@ def remarks(tracks: Sequence[Track], runs: Sequence[Run], dut: Dut, model: Model
         *_of_the_ratio(tracks, dut, model.ratio),
         *_of_the_device_file(runs, dut, model),
         *_of_the_logs(runs),
+    ]
+
+
+def of_another_drive(base: ModelFile | None, dut: Dut) -> list[str]:
+    """Say where the model to start from is that of a drive with another name or ratio."""
+    if base is None:
+        return []
+    pairs = (("name", base.dut.name, dut.name), ("ratio", base.dut.gear.ratio, dut.gear.ratio))
+    other = [f"{what} {theirs}, not {ours}" for what, theirs, ours in pairs if theirs != ours]
+    if not other:
+        return []
+    return [
+        f"The model of --base is of another drive ({'; '.join(other)}): its effects and levels may not be this one's."
     ]
 
 

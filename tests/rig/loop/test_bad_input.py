@@ -479,3 +479,11 @@ def test_coulomb_and_viscous_friction_of_runs_at_one_speed_are_not_told_apart() 
         low, high = base[name].ci95 or (0.0, 0.0)
         assert low < truth < high
         assert high - low > truth
+
+
+def test_a_base_of_another_drive_is_said() -> None:
+    runs, held_out = drawn(LOCKED)
+    base = trace(runs, dut(DUT), LoopOptions(held_out=held_out)).model
+    named = base.dut.model_copy(update={"name": "OTHER"})
+    result = trace(runs, dut(DUT), LoopOptions(held_out=held_out, base=base.model_copy(update={"dut": named})))
+    assert any("--base is of another drive (name OTHER, not SHD-17-100)" in text for text in result.warnings)
