@@ -16,6 +16,7 @@ from rig.config.dut import Dut
 from rig.log.run import Run
 from rig.loop.fitting.base import fit_base, settled_pieces, start_model
 from rig.loop.fitting.fit import Fit, fit, material
+from rig.loop.fitting.starts import scaled_to_data
 from rig.loop.model.equations import distinct_readings, pieces_of, target_of
 from rig.loop.model.prediction import Model
 from rig.loop.signals.tracks import Track, make_track, thin_track
@@ -177,7 +178,8 @@ def _smooth_residuals(case: Case, oracle: Oracle, effects: Effects, outside_ampl
     for item in oracle.fit.linear.gather():
         moved = replace(item.piece, track=thin[item.piece.track.name])
         pieces.append(replace(moved, target=target_of(moved, dut.gear.ratio)[moved.index]))
-    again = fit(Here(pieces), oracle.fit.model, oracle.fit.noise, passes=PASSES, block=oracle.fit.block)
+    near = fit_base(material(Here(pieces)), scaled_to_data(oracle.fit.model, list(thin.values()))).model
+    again = fit(Here(pieces), near, oracle.fit.noise, passes=PASSES, block=oracle.fit.block)
     return _residuals(tracks, again.model)
 
 

@@ -8,6 +8,7 @@ error is not had something else that nobody recorded: another load or pose, as a
 import math
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +51,11 @@ LEAST_PART = 0.5
 
 OTHER_SPEED = 0.15
 """Relative distance from the nearest speed of another run from which on a leg had a speed of its own."""
+
+SAME_SPEED, SPEED_TERMS = 0.02, 2
+"""The same where the others know no more speeds than the base law of friction has terms over the speed, T_c and b: it
+goes through any friction at so few of them, and nothing says how it goes on.
+"""
 
 LEG_DIGITS, SAME_LEG = 6, 2e-6
 """Decimals of rad/s to which the speed of a leg is told, and by how much two of one leg may then differ, rad/s."""
@@ -189,8 +195,10 @@ def own_speeds(run: Inputs, others: Sequence[Inputs]) -> tuple[float, ...]:
     """Give the speeds of a run's legs, rad/s, that no other run of its procedure comes near."""
     found: list[float] = []
     for name, own in run.speeds.items():
-        known = [v for other in others if other.procedure == run.procedure for v in other.speeds.get(name, ())]
-        found += [v for v in own if known and min(abs(v - speed) for speed in known) > OTHER_SPEED * v]
+        known = sorted(v for other in others if other.procedure == run.procedure for v in other.speeds.get(name, ()))
+        differing = 1 + sum(b > (1.0 + SAME_SPEED) * a for a, b in pairwise(known))
+        apart = OTHER_SPEED if differing > SPEED_TERMS else SAME_SPEED
+        found += [v for v in own if known and min(abs(v - speed) for speed in known) > apart * v]
     return tuple(found)
 
 

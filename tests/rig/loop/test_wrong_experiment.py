@@ -134,6 +134,18 @@ def test_friction_that_falls_between_the_speeds_that_were_fitted_is_no_wrong_exp
         assert "free-run.speeds=" in item.next_experiment.command
 
 
+@pytest.mark.parametrize(("speeds", "of_its_own"), [((20.0, 60.0), True), ((20.0, 40.0, 60.0), False)])
+def test_two_speeds_do_not_tell_how_friction_goes_on_and_a_run_a_little_slower_may_show_it(
+    speeds: tuple[float, ...], of_its_own: bool
+) -> None:
+    """T_c and b go through any friction at two speeds: a run 10 % off may differ from it without a cause of its own."""
+    slower = with_friction(18.0, 0.016)
+    result = trace([*fitted_at(*speeds), slower], dut(), LoopOptions(held_out=(slower.name,)))
+    assert result.effects == ()
+    assert odd_runs(result) == [slower.name] * (not of_its_own)
+    assert [item.evidence["run"] for item in result.open if "speeds" in item.evidence] == [slower.name] * of_its_own
+
+
 def test_a_leg_at_a_speed_of_its_own_does_not_excuse_a_load_on_all_the_others() -> None:
     both = [joined(turning_run("a", 1), turning_run("b", 2, speed=60.0), name, k) for k, name in enumerate("cdef")]
     odd = joined(with_friction(20.0, 0.016), with_friction(38.0, 0.016), "odd", 9)
