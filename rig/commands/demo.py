@@ -26,7 +26,7 @@ from rig.loop.display import interval_text
 from rig.loop.files.model_file import Model, ModelBase, ModelEffect, ModelLine
 from rig.loop.files.model_storage import write_model
 from rig.loop.model.terms import Entry, entry_of, periodic_effects
-from rig.loop.result import LoopResult
+from rig.loop.result import LoopResult, Step
 from rig.loop.trace import trace
 from rig.operator import SimulatedOperator
 from rig.provenance import file_identity, software_version
@@ -90,6 +90,7 @@ def demo_command(seed: int | None, out: Path, as_json: bool) -> None:
         return
     print_result(result)
     Console().print(_comparison(truth, result))
+    tell(judged(truth, result))
     tell(f"seed    {seed}   (rig demo --seed {seed} tells the same story)")
     tell(f"logs    {logs}")
     print_files(files)
@@ -175,6 +176,30 @@ def record(
     return sum(seconds)
 
 
+def judged(truth: Truth, result: LoopResult) -> str:
+    """Say in a sentence how the loop did."""
+    found = next((step for step in result.steps if truth.effect in (step.effect, *step.members)), None)
+    others = [step.effect for step in result.steps if step is not found]
+    beside = f"and beside it what is not there: {', '.join(others)}" if others else "and nothing else"
+    if found is None:
+        what = f"; it added what is not there: {', '.join(others)}" if others else ""
+        return f"The loop did not find what was hidden{what}."
+    if found.members:
+        return f"The loop found what was hidden as one of {' | '.join(found.members)}, {beside}."
+    inside = [_inside(name, value, found) for name, (value, _) in truth.parameters.items()]
+    known = [one for one in inside if one is not None]
+    return f"The loop found what was hidden, {beside}; {sum(known)} of {len(known)} intervals hold the truth."
+
+
+def _inside(name: str, value: float, found: Step | None) -> bool | None:
+    """Whether the interval of a parameter holds its true value; None where it has none."""
+    estimate = None if found is None else found.parameters.get(name)
+    if estimate is None or estimate.ci95 is None:
+        return None
+    turns = 2 * math.pi * round((estimate.value - value) / (2 * math.pi)) if name == "phase" else 0.0
+    return estimate.ci95[0] <= value + turns <= estimate.ci95[1]
+
+
 def _comparison(truth: Truth, result: LoopResult) -> Table:
     """Set the hidden effect beside what the loop found."""
     table = Table(title="Now the truth", title_justify="left", header_style="bold", box=None, padding=(0, 1))
@@ -187,11 +212,7 @@ def _comparison(truth: Truth, result: LoopResult) -> Table:
         if estimate is None:
             table.add_row(name, f"{value:.6g} {unit}", "", "", "")
             continue
-        shown, interval, inside = f"{estimate.value:.6g} {estimate.unit}", "", ""
-        if estimate.ci95 is not None:
-            low, high = estimate.ci95
-            interval = interval_text(low, high, digits=6)
-            turns = 2 * math.pi * round((estimate.value - value) / (2 * math.pi)) if name == "phase" else 0.0
-            inside = "yes" if low <= value + turns <= high else "NO"
-        table.add_row(name, f"{value:.6g} {unit}", shown, interval, inside)
+        shown, inside = f"{estimate.value:.6g} {estimate.unit}", _inside(name, value, found)
+        interval = "" if estimate.ci95 is None else interval_text(*estimate.ci95, digits=6)
+        table.add_row(name, f"{value:.6g} {unit}", shown, interval, {True: "yes", False: "NO", None: ""}[inside])
     return table

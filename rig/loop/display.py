@@ -12,6 +12,9 @@ SCALES: Mapping[str, tuple[str, float]] = MappingProxyType(
 MOST_DIGITS = 15
 """Decimal digits that a 64-bit number holds whatever its value."""
 
+MOST_SHOWN = 7
+"""Digits of a value that a table shows at most."""
+
 
 def interval_text(low: float, high: float, digits: int = 3) -> str:
     """Give an interval with at least so many significant digits, up to 15 where its ends differ in later ones.
@@ -23,6 +26,14 @@ def interval_text(low: float, high: float, digits: int = 3) -> str:
         digits = max(digits, math.floor(math.log10(largest)) - math.floor(math.log10(width)) + 2)
     digits = min(digits, MOST_DIGITS)
     return f"{low:.{digits}g} to {high:.{digits}g}"
+
+
+def rounded(value: float, half: float) -> str:
+    """Give a value to two digits of its half width: at least two digits, and 7 at most or without a width."""
+    digits = MOST_SHOWN
+    if half > 0.0 and math.isfinite(half) and value != 0.0:
+        digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(half)) + 2
+    return f"{value:.{min(max(digits, 2), MOST_SHOWN)}g}"
 
 
 def axis_label(variable: str, unit: str, order: float | None) -> str:

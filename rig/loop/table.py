@@ -5,7 +5,7 @@ from types import MappingProxyType
 
 from rich.table import Table
 
-from rig.loop.display import SCALES, interval_text
+from rig.loop.display import SCALES, interval_text, rounded
 from rig.loop.files.evidence_keys import expected_of, in_words
 from rig.loop.files.model_file import ModelBase, ModelEstimate
 from rig.loop.predict import Predicted
@@ -45,6 +45,7 @@ def table_of(result: LoopResult) -> Table:
         table.add_column(title, justify="left" if number < 2 else "right", no_wrap=True)
     for row in rows_of(result):
         table.add_row(*row, style="" if row[0].startswith(" ") else "bold")
+    table.caption, table.caption_justify = uncounted_remark(result) or None, "left"
     return table
 
 
@@ -71,6 +72,7 @@ def text_of(result: LoopResult) -> str:
     widths = [max(len(row[k]) for row in rows) for k in range(len(TITLES))]
     lines = [headline(result), ""]
     lines += ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    lines += [text] if (text := uncounted_remark(result)) else []
     lines += ["", *statements(result)]
     return "\n".join(lines).rstrip() + "\n"
 
@@ -78,6 +80,9 @@ def text_of(result: LoopResult) -> str:
 MOST_LISTED = 6
 """Events and the like that a line of text lists; all are in `loop.json`."""
 
+
+UNCOUNTED = " *"
+"""Mark of a row in the table that holds a run which the verdict does not count."""
 
 MOST_FOUND = 3
 """Terms that were found and not added, of which the terminal and the text tell."""
@@ -146,6 +151,9 @@ def _with_doubt(name: str, estimate: ModelEstimate) -> str:
 
 def _parameters(step: Step) -> list[str]:
     """Give the parameters with their 95 % half widths, those of one line of a periodic term in one line of text."""
+    places = [name for name in step.parameters if name.startswith("at_")]
+    if len(places) > MOST_LISTED:
+        return [_curve(step, len(places))]
     found: dict[str, list[str]] = {}
     for name, estimate in step.parameters.items():
         base, _, rank = name.rpartition("_")
@@ -154,15 +162,24 @@ def _parameters(step: Step) -> list[str]:
     return [", ".join(texts) for texts in found.values()]
 
 
+def _curve(step: Step, count: int) -> str:
+    """Say where a curve of many places begins, ends, and is lowest and highest."""
+    points = [(step.parameters[f"at_{k}"], step.parameters[f"value_{k}"]) for k in range(1, count + 1)]
+    low, high = (pick(points, key=lambda point: point[1].value) for pick in (min, max))
+    ends = [f"{at.value:.3g} {at.unit}".rstrip() for at, _ in (points[0], points[-1])]
+    extremes = [f"{_shown('', value).strip()} at {at.value:.3g}" for at, value in (low, high)]
+    return f"{count} places from {ends[0]} to {ends[1]}: {' to '.join(extremes)}; all of them in loop.json"
+
+
 def _shown(name: str, estimate: Estimate | ModelEstimate) -> str:
     """Give a parameter with its 95 % half width and unit, or the interval itself where it is too wide for one."""
-    value, within = f"{name} {estimate.value:.7g}", ""
-    if estimate.ci95 is not None:
-        low, high = estimate.ci95
-        half = 0.5 * (high - low)
-        # an interval on a logarithmic scale that is wider than its value has no half width worth the name
-        within = f" ({low:.2g} to {high:.2g})" if low > 0.0 and half > estimate.value else f" +- {half:.2g}"
-    return f"{value}{within} {estimate.unit}".rstrip()
+    if estimate.ci95 is None:
+        return f"{name} {estimate.value:.7g} {estimate.unit}".rstrip()
+    low, high = estimate.ci95
+    half = 0.5 * (high - low)
+    # an interval on a logarithmic scale that is wider than its value has no half width worth the name
+    within = f"({low:.2g} to {high:.2g})" if low > 0.0 and half > estimate.value else f"+- {half:.2g}"
+    return f"{name} {rounded(estimate.value, half)} {within} {estimate.unit}".rstrip()
 
 
 def _statement(item: Open, equations: Mapping[str, EquationResult]) -> str:
@@ -200,13 +217,23 @@ def is_command(line: str) -> bool:
 def rows_of(result: LoopResult) -> list[tuple[str, ...]]:
     """Give the table's rows: an equation over all held-out runs, then its procedures, indented."""
     rows = []
+    apart = {run.procedure for run in result.views.runs if run.name in result.apart}
     for name, equation in result.equations.items():
         if equation.held_out is None:
             continue
-        rows.append(_row(name, equation.unit, equation.held_out))
-        if len(equation.held_out.by_procedure) > 1:
-            rows += [_row(f"  {p}", equation.unit, errors) for p, errors in equation.held_out.by_procedure.items()]
+        by_procedure = equation.held_out.by_procedure
+        marks = {p: UNCOUNTED if p in apart else "" for p in by_procedure}
+        rows.append(_row(name + max(marks.values(), default=""), equation.unit, equation.held_out))
+        if len(by_procedure) > 1:
+            rows += [_row(f"  {p}{marks[p]}", equation.unit, errors) for p, errors in by_procedure.items()]
     return rows
+
+
+def uncounted_remark(result: LoopResult) -> str:
+    """Say what the mark of a row means; "" where none has one."""
+    if not any(row[0].endswith(UNCOUNTED) for row in rows_of(result)):
+        return ""
+    return f"{UNCOUNTED.strip()} with {', '.join(result.apart)}, of another kind, which the verdict does not count"
 
 
 def _row(name: str, unit: str, errors: Errors) -> tuple[str, ...]:

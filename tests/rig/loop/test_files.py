@@ -16,12 +16,12 @@ from rig.commands.loop import write_loop
 from rig.config.dut import SHD_17_100
 from rig.interrupt import Interrupted
 from rig.loop.campaign import LoopOptions
-from rig.loop.display import interval_text
+from rig.loop.display import interval_text, rounded
 from rig.loop.files.model_storage import load_model, write_model
 from rig.loop.model.parameters import parameter_table
 from rig.loop.plot import plot_loop
 from rig.loop.predict import predict_run, write_predictions
-from rig.loop.result import MEANINGS, LoopResult, Open, Verdict
+from rig.loop.result import MEANINGS, Estimate, LoopResult, Open, Step, Verdict
 from rig.loop.table import BASE_PARTS, remaining_table, text_of
 from rig.loop.trace import trace
 from sim_backend.model.compliance import LAWS, Compliance
@@ -225,6 +225,30 @@ def test_an_interval_has_enough_digits_that_its_ends_differ() -> None:
     assert interval_text(3.31, 4.52) == "3.31 to 4.52"
     assert interval_text(2.0, 2.0) == "2 to 2"
     assert interval_text(0.0, 0.0) == "0 to 0"
+
+
+def test_a_value_has_the_digits_that_its_interval_tells() -> None:
+    assert rounded(8333.7912, 3.2) == "8333.8"
+    assert rounded(0.01196842, 2.1e-6) == "0.0119684"
+    assert rounded(-9.5e-8, 9.4e-7) == "-9.5e-08"
+    assert rounded(0.01234, 0.5) == "0.012"
+    assert rounded(1.23456789, 1e-12) == "1.234568"
+    assert rounded(1.23456789, 0.0) == "1.234568"
+    assert rounded(0.0, 0.1) == "0"
+
+
+def test_a_curve_of_many_places_is_one_line_of_text() -> None:
+    places = {f"at_{k + 1}": Estimate(float(k), None, "N*m") for k in range(25)}
+    values = {f"value_{k + 1}": Estimate(0.1 * k * (k - 20), (0.1 * k * (k - 20) - 0.5,) * 2, "N*m") for k in range(25)}
+    curve = Step(
+        Verdict.UNNAMED, "unnamed:output_torque:static", (), "output_torque", "static", (), "motor-torque",
+        {**places, **values}, (), 1e-9, {}, {},
+    )  # fmt: skip
+    lines = text_of(replace(result(), steps=(curve,))).splitlines()
+    told = lines[next(k for k, line in enumerate(lines) if line.startswith("+ unnamed")) + 1]
+    assert told.startswith("    25 places from 0 N*m to 24 N*m: -10 ")
+    assert re.search(r" N\*m at 10 to 9\.6 \S+ \S+ N\*m at 24; all of them in loop\.json$", told)
+    assert "at_3" not in "".join(lines)
 
 
 @pytest.mark.parametrize("suffix", ["svg", "png"])

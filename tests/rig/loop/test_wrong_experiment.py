@@ -10,7 +10,7 @@ from rig.loop.campaign import LoopOptions
 from rig.loop.result import LoopResult, Verdict
 from rig.loop.signals.tracks import make_track
 from rig.loop.statements.wrong_experiment import inputs_of, outside
-from rig.loop.table import headline
+from rig.loop.table import headline, text_of
 from rig.loop.trace import trace
 from tests.independent.campaign import Campaign, Plan
 from tests.independent.effects import Arm, Effects, Line
@@ -83,6 +83,9 @@ def test_held_out_runs_that_were_hotter_are_told_with_their_range_and_not_held_a
     assert [text.split()[0] for text in told] == list(held_out)
     assert result.apart == held_out
     assert f"held out, not counting {', '.join(held_out)}, of another kind" in headline(result)
+    rows = text_of(result).splitlines()
+    assert any(row.startswith("motor-torque *") for row in rows)
+    assert f"* with {', '.join(held_out)}, of another kind, which the verdict does not count" in rows
     assert all("degC of the free-run runs that were fitted; its larger error" in text for text in told)
     assert all("Hold out a run within that range, or fit one like it" in text for text in told)
     errors = result.equations["motor-torque"].held_out
