@@ -14,7 +14,7 @@ from rig.commands.further import Asked, devices_of, with_commands
 from rig.commands.report import REPORT_NAME
 from rig.config.dut import Dut, load_dut
 from rig.log.load import MOST_SAMPLES, READERS, load_runs
-from rig.log.names import writable_folder, written_aside
+from rig.log.names import gone_if_unused, written_aside
 from rig.log.run import Run, averagings, endings
 from rig.loop.campaign import LoopOptions
 from rig.loop.files.model_storage import MODEL_NAME, load_model, write_model
@@ -59,9 +59,8 @@ class LoopFiles:
 def loop_command(paths: tuple[Path, ...], options: LoopCommand) -> None:
     """Trace, write the result, print the table."""
     law = _law(options.compliance)
-    writable_folder(options.out)
-    _keep_the_base(options)
-    with Stages(RealClock()) as stage:
+    with gone_if_unused(options.out), Stages(RealClock()) as stage:
+        _keep_the_base(options)
         result = _traced(paths, options, law, stage)
         stage("drawing and writing the result")
         files = write_loop(result, options.out)

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -42,6 +42,23 @@ def writable_folder(folder: Path) -> None:
         raise ConfigError(
             "-o", [Mistake("-o", str(folder)[:80], reason)], hint="Choose another folder with -o."
         ) from error
+
+
+@contextmanager
+def gone_if_unused(folder: Path) -> Iterator[None]:
+    """Make the folder; if what follows fails and left nothing there, what was made for it goes again.
+
+    Raises ConfigError if the folder cannot be made.
+    """
+    made = [one for one in (folder, *folder.parents) if not one.exists()]
+    writable_folder(folder)
+    try:
+        yield
+    except BaseException:
+        with suppress(OSError):  # something is in it
+            for one in made:
+                one.rmdir()
+        raise
 
 
 @contextmanager

@@ -200,6 +200,8 @@ def _number(path: Path, cell: str, name: str, strict: bool, row: int) -> float:
         row=row,
         value=cell[:40],
         expected=f"a number with a decimal point, or {MISSING} where the signal was not measured",
+        hint="Mend the cell. A column that is no measurement: remove it, or `rig import` with a mapping that does not "
+        "name it.",
     )
 
 

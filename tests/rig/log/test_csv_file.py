@@ -65,6 +65,12 @@ def test_without_a_sidecar_the_procedure_is_other_and_that_is_said(tmp_path: Pat
     assert any("no procedure" in note for note in run.warnings)
 
 
+def test_a_column_of_words_is_said_to_be_none_and_what_to_do_with_it(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="column 'state', row 2: 'running' is not a number") as caught:
+        read_csv(write(tmp_path, "time[s],motor_torque[N*m],state\n0,1,running\n"))
+    assert "a mapping that does not name it" in str(caught.value)
+
+
 def test_every_mistake_of_a_sidecar_is_reported_at_once(tmp_path: Path) -> None:
     file = write(
         tmp_path,
