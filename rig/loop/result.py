@@ -94,24 +94,38 @@ def above_floor(held_out: Mapping[str, Judged], told: Set[tuple[str, str]]) -> s
 
     `held_out`: by equation; `told`: equation and procedure ("" for all) of open statements, which say more.
     """
+    near, far = (_places_above(held_out, told, *bounds) for bounds in ((1.0, ABOVE_FLOOR), (ABOVE_FLOOR, math.inf)))
+    texts = []
+    if near:
+        texts.append(
+            f"After lies above the floor's interval in {', '.join(near)}: up to {ABOVE_FLOOR:g} times its upper end it "
+            "still counts as noise, as few runs tell of the floor."
+        )
+    if far:
+        texts.append(
+            f"After lies above {ABOVE_FLOOR:g} times the floor's interval in {', '.join(far)} without a statement: "
+            "what a play or smoothing carries on of the noise, or runs that are not counted."
+        )
+    return " ".join(texts)
+
+
+def _places_above(held_out: Mapping[str, Judged], told: Set[tuple[str, str]], least: float, most: float) -> list[str]:
+    """Give equations, with their procedures, whose error is `least` to `most` times the upper end of the floor."""
     names = []
     for equation, whole in held_out.items():
-        found = [p for p, errors in whole.by_procedure.items() if _above(errors) and (equation, p) not in told]
-        if (equation, "") in told or not (found or _above(whole)):
+        between = [p for p, errors in whole.by_procedure.items() if least < _above(errors) <= most]
+        found = [p for p in between if (equation, p) not in told]
+        if (equation, "") in told or not (found or least < _above(whole) <= most):
             continue
         if found or not any(name == equation for name, _ in told):
             names.append(equation + (f" ({', '.join(found)})" if found else ""))
-    if not names:
-        return ""
-    return (
-        f"After lies above the floor's interval in {', '.join(names)}. Up to {ABOVE_FLOOR:g} times its upper end, or "
-        "what a play or smoothing carries on of the noise, still counts as noise: few runs tell of the floor."
-    )
+    return names
 
 
-def _above(errors: Judged) -> bool:
+def _above(errors: Judged) -> float:
+    """Give the error over the upper end of the floor's interval; 0 where one of them is not known."""
     high = errors.floor_ci95[1] if errors.floor_ci95 is not None else None
-    return errors.rms_after is not None and high is not None and errors.rms_after > high
+    return 0.0 if errors.rms_after is None or not high else errors.rms_after / high
 
 
 @dataclass(frozen=True, slots=True)

@@ -257,7 +257,7 @@ def _result(measured: _Measured, found: _Searched, dead: Sequence[str]) -> LoopR
         ),
         elapsed=0.0,
         model=model,
-        views=_views(sides, selection, steps, campaign, dut),
+        views=_views(sides, selection, steps, campaign, wrong.told, dut),
         silence=silence_of(selection, [pair.calm for pair in right["train"]], dut) if quiet else None,
         apart=tuple(run.name for run in campaign.held_out if run.name in wrong.told),
     )
@@ -308,9 +308,10 @@ def _views(
     selection: Selection,
     steps: Sequence[Step],
     campaign: Campaign,
+    apart: Set[str],
     dut: Dut,
 ) -> Views:
     pairs = [Pair(side, pair.before, pair.after) for side, pairs in sides.items() for pair in pairs]
     added = [Added(step.effect, step.variable, tuple(line.order for line in step.lines)) for step in steps]
-    facts = (*facts_of(campaign.train, "train"), *facts_of(campaign.held_out, "held_out"))
+    facts = (*facts_of(campaign.train, "train", apart), *facts_of(campaign.held_out, "held_out", apart))
     return views_of(pairs, selection.fit.model, added, facts, dut)

@@ -1,5 +1,7 @@
 """The report of a loop: from the statement in one sentence to the provenance."""
 
+from collections.abc import Sequence
+
 from rig.loop.files.views_file import ResidualView
 from rig.loop.result import FOUND_NOT_ADDED
 from rig.report.figures import cycle_figure, residual_figure, spectrum_figure
@@ -22,7 +24,7 @@ from rig.report.loop_sections import (
 )
 from rig.report.page import page, section
 from rig.report.reading import LoopRecord
-from rig.report.sentences import floor_remark, meaning_of, statement
+from rig.report.sentences import floor_remark, listed, meaning_of, not_counting, statement
 from rig.terminal import counted
 
 BEFORE_AFTER = (
@@ -38,8 +40,9 @@ TRIED = (
     "bound reaches 1 and says nothing."
 )
 SEEN = (
-    "Nothing was added. An effect of at least the amplitude given here would have been: no chance at the false-alarm "
-    "probability asked for, and a large enough share of what is left. Smaller ones may be there."
+    "Nothing was added. An effect of at least the amplitude given here passes the first tests in all but one case of "
+    "twenty: no chance at the false-alarm probability asked for, and a large enough share of what is left. Smaller "
+    "ones may be there."
 )
 ZOOM = "Zoom: drag a rectangle, or use the buttons or + and − in a plot; arrows or shift and drag move, 0 shows all."
 
@@ -48,8 +51,9 @@ def loop_page(record: LoopRecord, software: str) -> str:
     """Give the report as the text of an HTML file. `software`: what wrote the report."""
     loop = record.loop
     device = record.model.dut.name if record.model is not None and record.model.dut.name else record.name
+    apart = [run.name for run in record.views.runs if run.side == "held_out" and not run.counted]
     sections = {
-        "Before and after": ("errors", _errors(loop)),
+        "Before and after": ("errors", _errors(loop, apart)),
         "What was added": ("added", _added(loop)),
         "What stays open": ("open", _open(loop)),
         "What would have been seen": ("seen", _seen(loop)),
@@ -64,34 +68,36 @@ def loop_page(record: LoopRecord, software: str) -> str:
     present = {heading: (name, content) for heading, (name, content) in sections.items() if content is not None}
     links = [element("li", element("a", heading, href=f"#{name}")) for heading, (name, _) in present.items()]
     body = [
-        element("header", _head(loop, device), element("nav", element("ul", *links), aria_label="Sections")),
+        element("header", _head(loop, apart, device), element("nav", element("ul", *links), aria_label="Sections")),
         element("main", *(section(heading, name, content) for heading, (name, content) in present.items())),
     ]
     return page(f"{device}: {loop.verdict} – loop report", body)
 
 
-def _head(loop: LoopFile, device: str) -> Markup:
+def _head(loop: LoopFile, apart: Sequence[str], device: str) -> Markup:
     nexts = next_experiments(loop)
     box = element("div", element("h3", "Measure next"), *map(next_box, nexts), class_="panel") if nexts else NOTHING
-    held = f"{counted(len(loop.runs.train), 'run')} fitted, {len(loop.runs.held_out)} held out"
+    held = f"{counted(len(loop.runs.train), 'run')} fitted, {len(loop.runs.held_out)} held out{not_counting(apart)}"
     meaning = meaning_of(loop.verdict)
     return joined(
         [
             element("p", f"Loop report, device under test {device} ", badge(loop.verdict)),
-            element("h1", statement(loop)),
+            element("h1", statement(loop, apart)),
             element("p", f"{loop.verdict}: {meaning}. " if meaning else "", held, ".", class_="soft"),
             box,
         ]
     )
 
 
-def _errors(loop: LoopFile) -> Markup | None:
+def _errors(loop: LoopFile, apart: Sequence[str]) -> Markup | None:
     held, train = errors_table(loop, "held_out"), errors_table(loop, "train")
     if held is None and train is None:
         return None
     remark = floor_remark(loop)
     fitted = element("details", element("summary", "The same on the fitted runs"), train) if held and train else train
-    return joined([element("p", BEFORE_AFTER), held, element("p", remark) if remark else None, fitted])
+    uncounted = f"With {listed(apart)}, of another kind, which the verdict does not count." if apart else ""
+    below = [element("p", text) for text in (uncounted, remark) if text]
+    return joined([element("p", BEFORE_AFTER), held, *below, fitted])
 
 
 def _added(loop: LoopFile) -> Markup:
@@ -141,7 +147,7 @@ def _tried(loop: LoopFile) -> Markup:
     tables = [candidates_table(number, step) for number, step in enumerate(loop.steps, start=1)]
     found = listed_texts([text for text in loop.warnings if text.startswith(FOUND_NOT_ADDED)])
     if not any(tables) and found is None:
-        return element("p", "Nothing came near enough to be listed: every candidate failed the false-alarm test.")
+        return element("p", "Nothing came near enough to be listed.")
     return joined([element("p", TRIED) if any(tables) else None, *tables, found])
 
 

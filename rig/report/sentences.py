@@ -11,9 +11,17 @@ WORSE = 0.02
 """Share by which an error must have grown to be called worse in the statement."""
 
 
-def statement(loop: LoopFile) -> str:
-    """Say what was found and what it did to the error of runs that took no part."""
-    return f"{_finding(loop)}{_effect_on_errors(loop)}."
+def statement(loop: LoopFile, apart: Sequence[str] = ()) -> str:
+    """Say what was found and what it did to the error of runs that took no part.
+
+    `apart`: held-out runs of another kind, which the verdict does not count.
+    """
+    return f"{_finding(loop)}{not_counting(apart)}{_effect_on_errors(loop)}."
+
+
+def not_counting(apart: Sequence[str]) -> str:
+    """Say which held-out runs the verdict does not count; "" where it counts all."""
+    return f", not counting {listed(apart)}, of another kind" if apart else ""
 
 
 def effect_words(effect: str) -> str:

@@ -126,7 +126,7 @@ def test_an_error_above_its_floor_is_said_below_the_table(capsys):
     found = replace(result(), equations={"motor-torque": EquationResult("N*m", errors, None)})
     print_result(found)
     for text in (capsys.readouterr().out, text_of(found)):
-        assert "After lies above the floor's interval in motor-torque. Up to 1.5 times" in " ".join(text.split())
+        assert "After lies above the floor's interval in motor-torque: up to 1.5 times" in " ".join(text.split())
 
 
 def test_commands_stand_in_a_line_of_their_own_however_narrow_the_terminal(tmp_path, capsys, monkeypatch):

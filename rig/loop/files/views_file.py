@@ -36,11 +36,15 @@ class Series(FileModel):
 
 
 class RunFacts(FileModel):
-    """One run that took part: `side` is `train` or `held_out`, `seconds` its length, the rest as its log says."""
+    """One run that took part: `side` is `train` or `held_out`, `seconds` its length, the rest as its log says.
+
+    `counted`: whether the verdict counts its errors; not those of a run of another kind.
+    """
 
     name: str
     side: str
     procedure: str
+    counted: bool = True
     replicate: str | None = None
     start_angle: float | None = None
     samples: int

@@ -11,6 +11,7 @@ from collections.abc import Collection, Mapping, Sequence, Set
 import numpy as np
 
 from rig.config.dut import Dut
+from rig.log.run import ProcedureName
 from rig.loop.model.equations import Equation, Law
 from rig.loop.model.parameters import flexspline_entries
 from rig.loop.model.prediction import Model
@@ -379,7 +380,7 @@ def _absorbed(selection: Selection, dut: Dut) -> list[Open]:
     return [
         Open(
             verdict=Verdict.ABSORBED,
-            group=STIFFNESS_GROUP,
+            group=_stiffness_group(selection, deviation),
             parameter=stiffness.name,
             deviation=deviation,
             evidence={
@@ -390,3 +391,12 @@ def _absorbed(selection: Selection, dut: Dut) -> list[Open]:
             },
         )
     ]
+
+
+def _stiffness_group(selection: Selection, deviation: float) -> tuple[str, ...]:
+    """Give what may have moved the stiffness: a fixture only makes it softer, and backdrives, which lack it, tell."""
+    backdriven = any(
+        item.equation is Equation.TORSION and item.procedure is ProcedureName.BACKDRIVE for item in selection.fit.about
+    )
+    yields = deviation < 0.0 and not backdriven
+    return tuple(name for name in STIFFNESS_GROUP if yields or name != "fixture-compliance")

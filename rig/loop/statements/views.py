@@ -4,7 +4,7 @@ Held-out runs are shown; where an equation has none, the fitted ones.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -167,13 +167,14 @@ def views_of(pairs: Sequence[Pair], model: Model, added: Sequence[Added], runs: 
     )
 
 
-def facts_of(runs: Sequence[Run], side: str) -> tuple[RunFacts, ...]:
-    """Give what a report says of the runs of one side."""
+def facts_of(runs: Sequence[Run], side: str, apart: Set[str] = frozenset()) -> tuple[RunFacts, ...]:
+    """Give what a report says of the runs of one side; those `apart` are of another kind, and not counted."""
     return tuple(
         RunFacts(
             name=run.name,
             side=side,
             procedure=run.procedure.value,
+            counted=run.name not in apart,
             replicate=run.replicate,
             start_angle=run.start_angle,
             samples=int(run.time.size),

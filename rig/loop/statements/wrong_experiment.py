@@ -1,8 +1,8 @@
 """Runs that say nothing of what the model lacks: taken under other conditions, or unlike all others of their kind.
 
 Ranges of what goes into the model are compared before errors are. A held-out run beyond the range of the fitted ones
-with a larger error is a wrong experiment, not a missing effect. A run whose inputs are those of the others and whose
-error is not had something else that nobody recorded: another load or pose, as a rule.
+with a larger error may be a wrong experiment, and says little of a missing effect. A run whose inputs are those of the
+others and whose error is not had something else that nobody recorded: another load or pose, as a rule.
 """
 
 import math
@@ -309,9 +309,9 @@ def _range(values: Floats, unit: str) -> Range:
 
 def _said(item: Outside, worse: bool) -> str:
     end = (
-        "its larger error is that of a wrong experiment, not of a missing effect, and is not held against the model"
+        "its larger error may be that of a wrong experiment, and is not held against the model"
         if worse
-        else "a larger error there would be a wrong experiment, not a missing effect"
+        else "a larger error there might be that of a wrong experiment, and not of a missing effect"
     )
     return (
         f"{item.run} (held out): {item.signal} reaches {item.value:.4g} {item.unit}, outside {item.low:.4g} to "
@@ -331,9 +331,9 @@ def _open(items: Sequence[Unlike]) -> Open:
         "rms_slow": [item.slow for item in items],
         "rms_slow_of_others": [item.typical for item in items],
         "unit": ", ".join(item.unit for item in items),
-        "meaning": f"{run} does not fit with the other {procedure} runs though its recorded inputs are theirs: another "
-        f"load, pose or condition that was not recorded, a wrong experiment and not a missing effect; repeat it under "
-        f"the conditions of the others",
+        "meaning": f"{run} does not fit with the other {procedure} runs though its recorded inputs are theirs: most "
+        f"likely another load, pose or condition that was not recorded, a wrong experiment rather than a missing "
+        f"effect; repeat it under the conditions of the others",
     }
     if any(item.repeated for item in items):
         return Open(Verdict.UNCONTROLLED, {**evidence, "replicates": "a replicate of it has no such error"})

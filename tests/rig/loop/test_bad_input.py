@@ -242,7 +242,8 @@ def test_a_catalogue_stiffness_that_is_off_is_absorbed_with_its_group_and_no_eff
     (told,) = result.open
     assert told.parameter == "K_F0"
     assert told.deviation == pytest.approx(1.0 / factor - 1.0, abs=0.02)
-    assert {"fixture-compliance", "torque-sensor-gain"} <= set(told.group)
+    assert {"flexspline-compliance", "torque-sensor-gain"} <= set(told.group)
+    assert ("fixture-compliance" in told.group) == (factor > 1.0)  # a fixture yields: it makes no drive stiffer
 
 
 def test_a_torque_constant_that_is_a_tenth_off_is_told_with_its_group_and_never_as_one_name() -> None:

@@ -77,6 +77,20 @@ def test_the_report_says_everything_a_loop_left(tmp_path: Path) -> None:
         assert told in page.text, told
 
 
+def test_a_run_that_the_verdict_does_not_count_is_said_on_top_and_below_the_errors(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path / "loop", "x")
+    assert "of another kind" not in report(folder).text
+    views = views_content("x")
+    for run in views["runs"]:
+        run["counted"] = run["side"] != "held_out"
+    names = [run["name"] for run in views["runs"] if not run["counted"]]
+    assert names
+    (folder / "views.json").write_text(json.dumps(views))
+    text = " ".join(report(folder).text.split())
+    assert text.count(f"not counting {' and '.join(names)}, of another kind") == 2
+    assert f"With {' and '.join(names)}, of another kind, which the verdict does not count." in text
+
+
 def test_every_plot_names_its_runs(tmp_path: Path) -> None:
     page = report(write_folder(tmp_path / "loop", "SHD"))
     assert page.tags.count("figure") == 4

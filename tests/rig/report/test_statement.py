@@ -99,8 +99,10 @@ def remark(still_open=(), **errors) -> str:
 def test_an_error_above_its_floor_that_counts_as_noise_is_said_with_the_rule() -> None:
     text = remark(rms_after=4.6e-6)
     assert text.startswith(
-        "After lies above the floor's interval in torsion (backdrive). Up to 1.5 times its upper end"
+        "After lies above the floor's interval in torsion (backdrive): up to 1.5 times its upper end"
     )
+    assert remark(rms_after=6.7e-6).startswith("After lies above 1.5 times the floor's interval in torsion (backdrive)")
+    assert "counts as noise" not in remark(rms_after=6.7e-6)
     assert remark(rms_after=4.3e-6) == ""
     assert remark(rms_after=4.6e-6, floor_ci95=None) == ""
 
