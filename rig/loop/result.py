@@ -261,8 +261,7 @@ class Silence:
 class LoopResult:
     """Everything the loop says about a campaign. Names of runs, not paths.
 
-    `silence`: with the verdict `none` only. `apart`: held-out runs that are experiments of another kind, whose errors
-    the verdict does not count.
+    `silence`: with the verdict `none` only.
     """
 
     train: tuple[str, ...]
@@ -275,7 +274,6 @@ class LoopResult:
     model: Model
     views: Views = field(default_factory=Views)
     silence: Silence | None = None
-    apart: tuple[str, ...] = ()
 
     @property
     def verdict(self) -> Verdict:

@@ -27,6 +27,15 @@ from sim_backend.model.compliance import LAWS
 
 TITLES = ("equation", "unit", "before", "after", "floor", "floor 95 %", "max after")
 
+UNCOUNTED = " *"
+"""Mark of a row in the table that holds a run which the verdict does not count."""
+
+MOST_LISTED = 6
+"""Events and the like that a line of text lists; all are in `loop.json`."""
+
+MOST_FOUND = 3
+"""Terms that were found and not added, of which the terminal and the text tell."""
+
 BASE_PARTS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "wave generator": ("K_w0", "C_w"),
@@ -77,21 +86,11 @@ def text_of(result: LoopResult) -> str:
     return "\n".join(lines).rstrip() + "\n"
 
 
-MOST_LISTED = 6
-"""Events and the like that a line of text lists; all are in `loop.json`."""
-
-
-UNCOUNTED = " *"
-"""Mark of a row in the table that holds a run which the verdict does not count."""
-
-MOST_FOUND = 3
-"""Terms that were found and not added, of which the terminal and the text tell."""
-
-
 def headline(result: LoopResult) -> str:
     """Say the verdict with its meaning, from how many runs, and what was added."""
     held = f"{counted(len(result.train), 'run')} fitted, {len(result.held_out)} held out"
-    held += f", not counting {', '.join(result.apart)}, of another kind" if result.apart else ""
+    apart = result.views.apart
+    held += f", not counting {', '.join(apart)}, of another kind" if apart else ""
     added = f"added: {', '.join(result.effects)}" if result.effects else "nothing was added"
     return f"Verdict: {result.verdict}: {MEANINGS[result.verdict]} ({held}; {added})."
 
@@ -125,10 +124,7 @@ def floor_remark(result: LoopResult) -> str:
     """Say which errors lie above the floor's interval and are no statement; "" where none does."""
     held_out = {name: item.held_out for name, item in result.equations.items() if item.held_out is not None}
     told = {(str(x.evidence.get("equation", "")), str(x.evidence.get("procedure", ""))) for x in result.open}
-    text = above_floor(held_out, told)
-    if text and result.apart:
-        text += f" Not what {', '.join(result.apart)} leave there, of another kind and not counted."
-    return text
+    return above_floor(held_out, told)
 
 
 def _base(base: ModelBase) -> list[str]:
@@ -217,23 +213,29 @@ def is_command(line: str) -> bool:
 def rows_of(result: LoopResult) -> list[tuple[str, ...]]:
     """Give the table's rows: an equation over all held-out runs, then its procedures, indented."""
     rows = []
-    apart = {run.procedure for run in result.views.runs if run.name in result.apart}
+    apart = {run.procedure for run in result.views.runs if run.name in result.views.apart}
     for name, equation in result.equations.items():
         if equation.held_out is None:
             continue
         by_procedure = equation.held_out.by_procedure
-        marks = {p: UNCOUNTED if p in apart else "" for p in by_procedure}
-        rows.append(_row(name + max(marks.values(), default=""), equation.unit, equation.held_out))
+        rows.append(_row(_marked(name, apart & by_procedure.keys()), equation.unit, equation.held_out))
         if len(by_procedure) > 1:
-            rows += [_row(f"  {p}{marks[p]}", equation.unit, errors) for p, errors in by_procedure.items()]
+            rows += [_row(_marked(f"  {p}", p in apart), equation.unit, errors) for p, errors in by_procedure.items()]
     return rows
+
+
+def _marked(name: str, uncounted: object) -> str:
+    """Give the name of a row, marked where a run is in it that is not counted."""
+    return f"{name}{UNCOUNTED}" if uncounted else name
 
 
 def uncounted_remark(result: LoopResult) -> str:
     """Say what the mark of a row means; "" where none has one."""
     if not any(row[0].endswith(UNCOUNTED) for row in rows_of(result)):
         return ""
-    return f"{UNCOUNTED.strip()} with {', '.join(result.apart)}, of another kind, which the verdict does not count"
+    return (
+        f"{UNCOUNTED.strip()} with {', '.join(result.views.apart)}, of another kind, which the verdict does not count"
+    )
 
 
 def _row(name: str, unit: str, errors: Errors) -> tuple[str, ...]:

@@ -259,7 +259,6 @@ def _result(measured: _Measured, found: _Searched, dead: Sequence[str]) -> LoopR
         model=model,
         views=_views(sides, selection, steps, campaign, wrong.told, dut),
         silence=silence_of(selection, [pair.calm for pair in right["train"]], dut) if quiet else None,
-        apart=tuple(run.name for run in campaign.held_out if run.name in wrong.told),
     )
 
 

@@ -51,7 +51,7 @@ def loop_page(record: LoopRecord, software: str) -> str:
     """Give the report as the text of an HTML file. `software`: what wrote the report."""
     loop = record.loop
     device = record.model.dut.name if record.model is not None and record.model.dut.name else record.name
-    apart = [run.name for run in record.views.runs if run.side == "held_out" and not run.counted]
+    apart = record.views.apart
     sections = {
         "Before and after": ("errors", _errors(loop, apart)),
         "What was added": ("added", _added(loop)),

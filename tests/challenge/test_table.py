@@ -54,13 +54,6 @@ def test_what_could_not_get_its_size_is_in_no_bar_but_is_told():
     assert "| torque-sensor-gain | 1 | 0.2 | missed |" in report(lines)
 
 
-def test_an_effect_whose_scale_jumped_over_its_size_is_in_no_bar_either_but_on_the_bench_as_drawn_it_is():
-    lines = [line("single", "right"), line("single", "missed", sizes=[16.0]), line("bench", "missed", sizes=[16.0])]
-    assert counted(lines, "one effect of the floor's size") == (1, 1)
-    assert counted(lines, "simulated bench") == (0, 1)
-    assert "| 1 | 16 | missed |" in report(lines)
-
-
 def test_the_members_of_a_set_stay_in_one_cell():
     text = report([line("single", "in set", added=["ambiguous:backlash|soft-windup"])])
     assert "| ambiguous:backlash\\|soft-windup |" in text

@@ -148,6 +148,11 @@ class Views(FileModel):
     cycles: Annotated[tuple[CycleView, ...], Field(strict=False)] = ()
     spectra: Annotated[tuple[SpectrumView, ...], Field(strict=False)] = ()
 
+    @property
+    def apart(self) -> tuple[str, ...]:
+        """Names of held-out runs that are experiments of another kind, whose errors the verdict does not count."""
+        return tuple(run.name for run in self.runs if run.side == "held_out" and not run.counted)
+
 
 def write_views(views: Views, path: Path) -> None:
     """Write the file; what was there is replaced."""

@@ -22,10 +22,9 @@ TURNED_MOTOR, TURNED_OUTPUT = 6.0, 0.05
 """rad of travel of one shaft beyond which the other one must have moved."""
 
 
-OF_MOTOR = ("motor_torque", "motor_current")
 LIKE_SWEEPS = (
     ("output", ("output_torque",), SWEEPS),
-    *(("motor", OF_MOTOR, (procedure,)) for procedure in SWEEPS),
+    *(("motor", ("motor_torque", "motor_current"), (procedure,)) for procedure in SWEEPS),
 )
 """Shaft, channels that say its torque, and procedures whose sweeps all have one of them or none: the output's winds the
 flexspline in either sweep, the motor's is another's in each."""

@@ -23,7 +23,7 @@ def proposal(result, members):
 @pytest.mark.parametrize(
     ("campaign", "effect", "values", "members", "procedure"),
     [
-        pytest.param(*(SINGLE_RATE, "maxwell-slip", {}, {"creep", "maxwell-slip"}, ""), marks=pytest.mark.campaign),
+        pytest.param(SINGLE_RATE, "maxwell-slip", {}, {"creep", "maxwell-slip"}, "", marks=pytest.mark.campaign),
         (
             LOCKED_ONLY + " --set locked-output.rates=0.12",
             "fixture-compliance",
