@@ -7,7 +7,7 @@ from typing import Any
 
 from tests.challenge.cases import EVENT, Case
 from tests.challenge.expected import Expected, expected_of
-from tests.challenge.sizes import Hidden, Oracle
+from tests.challenge.sizes import Errors, Hidden
 from tests.independent.laws import Drive
 from tests.independent.terms import Effects
 
@@ -44,8 +44,11 @@ class Parameter:
         return self.low <= truth <= self.high
 
 
-def score(case: Case, hidden: Hidden, oracle: Oracle, answer: Answer) -> dict[str, Any]:
-    """Give everything that is counted of one case, as JSON can hold it."""
+def score(case: Case, hidden: Hidden, oracle: Errors, without: Errors, answer: Answer) -> dict[str, Any]:
+    """Give everything that is counted of one case, as JSON can hold it.
+
+    oracle, without: held-out errors of one who knows everything, and of the campaign in which nothing is hidden.
+    """
     expected = expected_of(case)
     if "error" in answer:
         return {"naming": FAILED, "found": [], "parameters": [], "error": answer["error"]}
@@ -60,7 +63,8 @@ def score(case: Case, hidden: Hidden, oracle: Oracle, answer: Answer) -> dict[st
         "added": list(answer["effects"]),
         "verdict": answer["verdict"],
         "parameters": [vars_of(item) for item in parameters],
-        "after_over_oracle": _over_oracle(oracle.held_out, answer),
+        "after_over_oracle": _over(oracle, answer),
+        "after_over_without": _over(without, answer),
         "after_over_before": _over_before(answer),
     }
 
@@ -191,7 +195,7 @@ def vars_of(item: Parameter) -> dict[str, Any]:
     }
 
 
-def _over_oracle(oracle: Mapping[str, float], answer: Answer) -> dict[str, float]:
+def _over(oracle: Errors, answer: Answer) -> dict[str, float]:
     held_out = {name: item["held_out"] for name, item in answer["equations"].items() if item["held_out"] is not None}
     return {name: errors["rms_after"] / oracle[name] for name, errors in held_out.items() if name in oracle}
 

@@ -1,8 +1,8 @@
 """How large a hidden effect is: what is left of it once the base model is fitted again, over the floor of its equation.
 
-The floor is what the base model leaves of the same campaign, the same noise draws and all, without the effect: the
-oracle of a loop that misses nothing. The effect is measured on pairs of copies with the same noise, by encoders without
-counts: what differs is the effect.
+The floor is what the base model leaves of the same campaign, the same noise draws and all, without the effect. The
+effect is measured on pairs of copies with the same noise, by encoders without counts: what differs is the effect. The
+oracle, a loop that misses nothing, takes that from the logs themselves; they keep what their encoders make of it.
 """
 
 import math
@@ -50,13 +50,17 @@ TRIES = 6
 PASSES = 6
 
 
+Errors = Mapping[str, float]
+"""rms by equation."""
+
+
 @dataclass(frozen=True, slots=True)
 class Oracle:
     """The campaign without what is hidden, base fitted: rms per equation, of the training and of the held-out runs."""
 
     fit: Fit
-    train: Mapping[str, float]
-    held_out: Mapping[str, float]
+    train: Errors
+    held_out: Errors
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +126,30 @@ def logs_of(case: Case, hidden: Hidden) -> tuple[tuple[Run, ...], tuple[str, ...
     """Give the runs with what is hidden in them, and the names of those to hold out."""
     recordings = campaign_of(case, together(hidden.effects), hidden.outside_amplitude).recordings()
     return as_runs(recordings, case.without), held_out(recordings)
+
+
+def known_exactly(case: Case, hidden: Hidden, oracle: Oracle, runs: Sequence[Run], out: Sequence[str]) -> Errors:
+    """Give the rms of the held-out runs that is left to one who knows base and effect exactly, per equation."""
+    with_it, without = (
+        as_runs(campaign_of(case, *what, countless=True).recordings(), case.without)
+        for what in ((together(hidden.effects), hidden.outside_amplitude), (NOTHING, 0.0))
+    )
+    read, smooth, plain = (
+        {
+            (item.piece.equation, item.piece.track.name): item
+            for item in _residuals(
+                [make_track(run, default_dut()) for run in some if run.name in out], oracle.fit.model
+            )
+        }
+        for some in (runs, with_it, without)
+    )
+    left: dict[str, list[np.ndarray]] = {}
+    for key in read.keys() & smooth.keys() & plain.keys():
+        logs = (read[key], smooth[key], plain[key])
+        times = np.intersect1d(np.intersect1d(logs[0].time, logs[1].time), logs[2].time)
+        here, there, bare = (item.values[np.searchsorted(item.time, times)] for item in logs)
+        left.setdefault(key[0].value, []).append(here - (there - bare))
+    return {name: float(np.sqrt(np.mean(np.concatenate(values) ** 2))) for name, values in left.items()}
 
 
 def _as_run(recording: Recording, without: Sequence[str]) -> Run:

@@ -72,6 +72,7 @@ def bars(lines: Sequence[Line]) -> list[Bar]:
     found += [
         Bar("designs that cannot tell: a set that holds the truth", _rate(_of(lines, "ambiguous"), _describes), 0.95),
         Bar(f"held-out error <= {NEAR_ORACLE} x the oracle's", _rate(reachable, _near_oracle), 0.95),
+        Bar(f"the same, <= {NEAR_ORACLE} x that of logs without the effect", _rate(reachable, _near_without), 0.95),
         Bar("95 % intervals that hold the truth, all", _rate(inside, _inside), 0.93, 0.97),
         Bar("95 % intervals that hold the truth, effects", _rate(effects, _inside), 0.93, 0.97),
         Bar("95 % intervals that hold the truth, base", _rate(base, _inside), 0.93, 0.97),
@@ -137,6 +138,10 @@ def _not_worse(line: Line) -> bool:
 
 def _near_oracle(line: Line) -> bool:
     return line["naming"] != FAILED and all(ratio <= NEAR_ORACLE for ratio in line["after_over_oracle"].values())
+
+
+def _near_without(line: Line) -> bool:
+    return line["naming"] != FAILED and all(ratio <= NEAR_ORACLE for ratio in line["after_over_without"].values())
 
 
 def _inside(parameter: Line) -> bool:

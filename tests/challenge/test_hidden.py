@@ -15,12 +15,13 @@ from rig.log.run import Run
 from tests.challenge import on_bench
 from tests.challenge import run as runner
 from tests.challenge.cases import EFFECTS, Case, campaign_of, make_case, scaled, together
-from tests.challenge.sizes import Hidden, hide, logs_of, oracle_of
+from tests.challenge.sizes import Hidden, base_oracle, hide, known_exactly, logs_of, oracle_of
 from tests.independent.campaign import Plan
 from tests.independent.draws import draw
 from tests.independent.effects import Effects
 from tests.independent.instruments import NoiseKind
 from tests.independent.laws import shd_17_100
+from tests.rig.loop.runs import dut as default_dut
 
 TINY = Plan(
     locked_angles=3,
@@ -61,6 +62,21 @@ def test_an_effect_gets_the_size_that_is_left_of_it_beside_the_floor(effect: str
     squares = with_it.train[equation] ** 2 - oracle.train[equation] ** 2
     # counts that fall otherwise and noise that is correlated by chance with the effect
     assert np.sqrt(squares) / oracle.train[equation] == pytest.approx(size, abs=0.12)
+
+
+@pytest.mark.parametrize(("effect", "equation"), [("cogging", "motor-torque"), ("structural-resonance", "torsion")])
+def test_one_who_knows_all_has_the_error_of_logs_without_the_effect_but_for_what_encoders_make_of_it(effect, equation):
+    case = case_with(effect)
+    oracle = oracle_of(case)
+    hidden = hide(case, oracle)
+    runs, out = logs_of(case, hidden)
+    unknown = base_oracle(runs, out, default_dut()).held_out[equation] / oracle.held_out[equation]
+    known = known_exactly(case, hidden, oracle, runs, out)[equation] / oracle.held_out[equation]
+    assert unknown > 1.2
+    if equation == "motor-torque":
+        assert known == pytest.approx(1.0, abs=1e-3)
+    else:  # an encoder that stood on one count rings between two
+        assert 1.005 < known < 1.0 + 0.5 * (unknown - 1.0)
 
 
 def test_every_effect_is_scaled_and_two_together_are_the_sum():
@@ -136,7 +152,7 @@ def test_the_loop_is_given_logs_and_device_file_only_and_its_answer_is_frozen_be
         order.append("answered")
         return json.dumps({"error": "does not know"})
 
-    def scored(case, hidden, oracle, given):
+    def scored(case, hidden, oracle, without, given):
         order.append("scored")
         assert given == {"error": "does not know"}
         return {"naming": "error", "found": [], "parameters": []}

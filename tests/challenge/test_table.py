@@ -26,6 +26,7 @@ def line(family: str, naming: str, hidden: list[str] | None = None, **other: Any
         "verdict": "named",
         "parameters": [],
         "after_over_oracle": {"torsion": 1.0},
+        "after_over_without": {"torsion": 1.0},
         "after_over_before": {"torsion": 0.5},
         "seconds": 3.0,
         "samples": 1000,
@@ -93,6 +94,7 @@ def test_a_right_answer_under_the_headline_of_another_statement_is_told_apart():
 def test_an_error_above_the_oracles_in_any_equation_counts():
     lines = [line("single", "right", after_over_oracle={"torsion": 1.0, "motor-torque": 1.06}), line("third", "right")]
     assert counted(lines, "held-out error") == (1, 2)
+    assert counted(lines, "the same, <= 1.05 x that of logs without") == (2, 2)
 
 
 def test_an_event_need_not_reach_the_oracle():
@@ -100,7 +102,7 @@ def test_an_event_need_not_reach_the_oracle():
 
 
 def test_a_refusal_is_no_right_answer_anywhere():
-    refused = {"error": "a leak", "added": [], "after_over_oracle": {}, "after_over_before": {}}
+    refused = {"error": "a leak", "added": [], "after_over_oracle": {}, "after_over_without": {}}
     lines = [line("outside", "error", **refused), line("single", "error", **refused)]
     assert counted(lines, "physics outside the catalogue: held-out") == (0, 1)
     assert counted(lines, "held-out error") == (0, 1)

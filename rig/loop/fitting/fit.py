@@ -50,9 +50,6 @@ COARSE = 3000
 COARSE_PERIOD = 0.1
 """Samples of a turning run, and s between those of one that does not turn, in a coarse fit."""
 
-POLISH = 3
-"""Passes over all samples after a coarse fit."""
-
 RIDGE = 1e-4
 """Share of its own information that every value of a curve has as a prior at zero: a part of it that one run alone
 holds, or none, must not run away."""
@@ -180,15 +177,15 @@ def _averaged(piece: Piece) -> Piece:
 def fit_stably(pieces: Material, model: Model, noise: dict[Kind, Noise], block: float) -> Fit:
     """Fit until the weights that follow from the residual no longer change.
 
-    Starts from the model's own base values and from the catalogue's, coarsely, and goes on with the better one.
+    Starts from the model's own base values and from the catalogue's, coarsely, and goes on with the better one over all
+    samples: what swings too fast for the coarse ones moves only there.
     """
     starts = (model, replace(model, values=model.table.start()))
     best = min((fit(pieces.few, start, noise, block=block) for start in starts), key=_cost)
-    state = reweighted(fit(pieces.all, best.model, noise, passes=POLISH, block=block))
+    state = reweighted(fit(pieces.all, best.model, noise, block=block))
     for _ in range(REWEIGHTINGS):
         before = state.noise
-        rough = fit(pieces.few, state.model, before, block=state.block)
-        state = reweighted(fit(pieces.all, rough.model, before, passes=POLISH, block=state.block))
+        state = reweighted(fit(pieces.all, state.model, before, block=state.block))
         if all(abs(np.log(state.noise[kind].sigma / before[kind].sigma)) < STABLE for kind in before):
             break
     return state

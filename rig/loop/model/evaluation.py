@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.loop.model.curves import ANGLES, Curve
-from rig.loop.model.shapes import Place, ShapeTerm, added_late, addition, derivatives, place_of
+from rig.loop.model.shapes import CORNERS, Place, ShapeTerm, added_late, addition, derivatives, place_of
 from rig.loop.model.terms import Derivative, Entry, LineValues, TermClass
 from rig.loop.signals.play import PlayPath
 from sim_backend.model.effects import Effect
@@ -221,6 +221,13 @@ class Added:
             if late is not None:
                 found += late - np.repeat(late.reshape(-1, fine).mean(axis=1), fine)
         return found
+
+    def corners(self, signals: Mapping[str, Floats]) -> dict[str, Floats]:
+        """Give, by name, the lines by whose corners things ring, when the torque had them and not its late reading."""
+        if CORNERS not in signals:
+            return {}
+        late = [added_late(term, signals, self.step, CORNERS) for term in self._at(Place.LOAD)]
+        return {CORNERS: signals[CORNERS] - _sum(signals[CORNERS].size, late)}
 
     def motor(self, signals: Mapping[str, Floats]) -> Floats:
         """Give the sum added to the motor balance, N*m, shape (n,)."""

@@ -231,7 +231,7 @@ def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Eva
     T = _load(track, model) - load
     compliance = 1.0 / model.flexspline_stiffness(T)
     flexspline = model.flexspline_torsion(T)
-    signals = _loaded(signals, T, flexspline)
+    signals = _loaded(signals, T, flexspline) | added.corners(signals)
     value = added.angle(signals) + flexspline
     base: dict[str, Floats] = {}
     if track.T is not None or np.any(load):

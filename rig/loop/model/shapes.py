@@ -33,7 +33,7 @@ contract; several values a sample."""
 FAST_MOTOR_TORQUE = "fast_motor_torque"
 """Name of the motor torque of a run that does not turn, several values a sample."""
 
-UNDOING, BEYOND = 2, 10.0
+UNDOING, BEYOND = 4, 10.0
 """Iterations after which the torque is known that a late reading shows, and times by which it is late for which the
 last slope goes on beyond the record: what the torque was at the end is read when the record is over."""
 
@@ -233,26 +233,31 @@ def _ringing(effect: Effect, values: Sequence[float], signals: Mapping[str, Floa
     return _means(evaluate(effect, {"output_torque": fast}, values, step=step), signals)
 
 
-def added_late(term: ShapeTerm, signals: Mapping[str, Floats], step: float) -> Floats | None:
+def added_late(
+    term: ShapeTerm, signals: Mapping[str, Floats], step: float, swept_by: str = SWEPT_TORQUE
+) -> Floats | None:
     """Give what has been added to the swept torque, a reading that came late: it less the torque that makes it.
 
-    As many values as that has. None for other effects, and where it is not known. That torque is first the reading as
-    much early, which undoes a delay, and then what the effect turns into the reading (Van Cittert's iteration): a
-    corner that a lag has rounded stays wrong by a seventh of what was added, in the mean by nothing.
+    `swept_by`: name of the signal with that reading. As many values as it has. None for other effects, and where it is
+    not known. The torque is first the reading as much early, and then what the effect turns into the reading: what is
+    still missing of that, as much early, is added (Landweber's iteration).
     """
-    if not term.is_late or isinstance(term.effect, Curve) or SWEPT_TORQUE not in signals:
+    if not term.is_late or isinstance(term.effect, Curve) or swept_by not in signals:
         return None
-    effect, swept = term.effect, signals[SWEPT_TORQUE]
+    effect, swept = term.effect, signals[swept_by]
     step = step * signals["output_torque"].size / swept.size
     beyond = np.arange(1, 2 + math.ceil(BEYOND * max(term.values) / step))
     reading = np.concatenate([swept, swept[-1] + beyond * (swept[-1] - swept[-2])])
 
-    def added(torque: Floats) -> Floats:
-        return evaluate(effect, {"output_torque": torque}, term.values, step=step)
+    def late(torque: Floats) -> Floats:
+        return torque + evaluate(effect, {"output_torque": torque}, term.values, step=step)
 
-    torque = reading + added(reading[::-1])[::-1]
+    def early(torque: Floats) -> Floats:
+        return late(torque[::-1])[::-1]
+
+    torque = early(reading)
     for _ in range(UNDOING):
-        torque = reading - added(torque)
+        torque = torque + early(reading - late(torque))
     return (reading - torque)[: swept.size]
 
 

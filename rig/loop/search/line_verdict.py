@@ -39,6 +39,10 @@ from rig.loop.search.tried import by_gain, tried_line, tried_shape
 
 BESIDE_AN_ANGLE = "beside another angle error it may be what that leaves, or the encoders' counts"
 
+FAR_LARGER, SEVERAL_SPEEDS = 3.0, 1.5
+"""Times the friction from which a torque at its order may show as such a one, its angle read a third of a radian late,
+and the fastest over the slowest speed from which they tell the two apart."""
+
 CROWDED = "it cannot be told from a line that is there already"
 
 
@@ -213,7 +217,7 @@ def _named(
         if peer.proposal.kind != kind and peer.proposal.kind.effect and peer.trial.gain >= SET_SHARE * gain
     }
     near |= {rival.label for rival in rivals if rival.gain >= SET_SHARE * gain}
-    near |= _against_motion(ground, pick.trial, pick.proposal)
+    near |= _against_motion(ground, pick.trial, pick.proposal) | _of_a_late_angle(ground, pick.trial, pick.proposal)
     if kind.effect in TWINS and abs(order - 1.0) < 0.5 * max(best.proposal.resolution, 0.01):
         near.add(TWINS[kind.effect])
     if kind.effect in SINGLE_ANGLE_SET and not _angles_cover(ground):
@@ -236,6 +240,34 @@ def _against_motion(ground: Ground, pick: Trial, chosen: Proposal) -> set[str]:
     )
     rival = try_line(ground, flipped, chosen.order)
     return {"position-dependent-friction"} if rival.gain >= SET_SHARE * pick.gain else set()
+
+
+def _of_a_late_angle(ground: Ground, pick: Trial, chosen: Proposal) -> set[str]:
+    """Say of what torque a friction at its order may be a part: of a far larger one whose angle is read a little late.
+
+    That part grows with the speed, friction does not: where the drive turned at several speeds nothing joins the set.
+    """
+    if chosen.kind.entry is not Entry.MOTOR_AGAINST_MOTION:
+        return set()
+    slowest, fastest = zip(*ground.fit.linear.map(_speeds), strict=True)
+    if max(fastest) > SEVERAL_SPEEDS * min(slowest):
+        return set()
+    size = float(np.linalg.norm(pick.amplitudes))
+    return {
+        line.kind.effect
+        for line in ground.fit.model.lines
+        if line.kind.entry is Entry.MOTOR
+        and line.kind.variable == chosen.kind.variable
+        and line.kind.effect is not None
+        and abs(line.order - chosen.order) < chosen.resolution
+        and line.amplitude > FAR_LARGER * size
+    }
+
+
+def _speeds(item: LinearPiece) -> tuple[float, float]:
+    """Give the slowest and the fastest speed of a piece while it turns, rad/s; infinite and 0 of one that does not."""
+    speed = np.abs(item.piece.track.speed[item.piece.index])
+    return float(np.min(speed, where=speed > 0.0, initial=np.inf)), float(np.max(speed, initial=0.0))
 
 
 def _angle_at_output(trial: Trial, kind: TermClass, ground: Ground) -> float:

@@ -16,6 +16,7 @@ from scipy.linalg import solve_banded
 from scipy.ndimage import maximum_filter1d
 
 from rig.loop.signals.noise import MEMORIES, left_in_mean, noise_and_memory
+from rig.loop.signals.one_rate import at_one_rate
 from rig.loop.signals.smoothing import corners_kept
 
 Floats = NDArray[np.float64]
@@ -107,7 +108,10 @@ def polyline(values: Floats, side: int, period: float) -> Floats | None:
             return None
         few = found.knots.size <= most
         if few:
-            found = _levelled(values, found, _variance(noise, memory))
+            variance = _variance(noise, memory)
+            found = _levelled(values, found, variance)
+            alike = at_one_rate(values, found.knots, found.heights, variance)
+            found = found if alike is None else Polyline(*alike)
         line = found.at(values.size)
         curved = memory > 0.0 and _longest_arc(found) > LONGEST_ARC
         rest = values - line

@@ -35,5 +35,6 @@ EFFECT = Effect(
     energy=Energy.DISSIPATIVE,
     shows=("free-run",),
     confusable=("cogging", "gravity-load", "current-sensor-offset"),
-    separated_by="half-sum and half-difference of both directions; coast-down",
+    separated_by="half-sum and half-difference of both directions at several speeds, as a torque whose angle is "
+    "read late flips too, the more the faster; coast-down",
 )

@@ -13,10 +13,11 @@ from rig.loop.campaign import LoopOptions, split_runs
 from rig.loop.fitting.base import start_model
 from rig.loop.fitting.normal import correlation_length, solve
 from rig.loop.model.equations import Equation, distinct_readings, pieces_of
+from rig.loop.model.evaluation import Added
 from rig.loop.model.frames import turned
 from rig.loop.model.parameters import flexspline_from_catalogue
 from rig.loop.model.prediction import predict
-from rig.loop.model.shapes import SWEPT_TORQUE, ShapeTerm, addition
+from rig.loop.model.shapes import CORNERS, SWEPT_TORQUE, ShapeTerm, addition
 from rig.loop.model.terms import Entry, Line, TermClass, line_values, periodic_effects
 from rig.loop.signals.play import play_path
 from rig.loop.signals.tracks import make_track, thin_track
@@ -70,6 +71,16 @@ def test_a_late_torque_is_set_right_at_its_corners_too(fine) -> None:
         assert found == pytest.approx(wrong, abs=within * 4.0 * late), effect
         assert found.sum() == pytest.approx(wrong.sum(), rel=1e-9), effect
         assert np.abs(wrong).max() == pytest.approx(4.0 * late, rel=0.1)
+
+
+def test_what_rings_does_so_when_the_torque_had_its_corner_and_not_when_a_late_reading_shows_it() -> None:
+    time, late = np.arange(3000) * 1e-3, 0.02
+    truth, _ = swept_torque_and_lag(time, late)
+    delayed, _ = swept_torque_and_lag(time - late, late)
+    signals = {"output_torque": delayed, SWEPT_TORQUE: delayed, CORNERS: delayed}
+    terms = (ShapeTerm(CATALOGUE["channel-delay"], (late,)), ShapeTerm(CATALOGUE["torque-sensor-offset"], (0.3,)))
+    assert Added((), terms, 1e-3, 100.0).corners(signals)[CORNERS] == pytest.approx(truth, abs=1e-9)
+    assert Added((), terms[1:], 1e-3, 100.0).corners(signals)[CORNERS] == pytest.approx(delayed, abs=1e-12)
 
 
 @pytest.mark.parametrize("kind", periodic_effects(), ids=lambda kind: kind.id)

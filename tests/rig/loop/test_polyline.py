@@ -64,6 +64,29 @@ def test_a_sine_is_no_polyline(seed):
     assert found(12.0 * np.sin(0.2 * time), 0.01, seed) is None
 
 
+def error_of_a_sweep(slopes, seed):
+    """Give the rms error of what is found of ramps in turn, in shares of the noise, and what one rate leaves."""
+    times = 2.0 + np.cumsum([0.0, *(3.0 / np.abs(slopes))])
+    heights = np.append(0.0, np.cumsum(3.0 * np.sign(slopes)))
+    time = np.arange(0.0, times[-1] + 2.0, 0.01) + 0.0037
+    torque = np.interp(time, times, heights)
+    line = found(torque, 0.01, seed)
+    assert line is not None
+    # one rate, and a place for each of the pieces, which include the rests at both ends
+    return np.sqrt(np.mean((line - torque) ** 2)) / NOISE, np.sqrt((len(slopes) + 3) / time.size)
+
+
+def test_of_a_sweep_at_one_rate_nothing_but_the_rate_and_the_places_of_its_pieces_stays_unknown():
+    errors, least = zip(*(error_of_a_sweep(np.resize([2.0, -2.0], 8), seed) for seed in range(12)), strict=True)
+    assert np.sqrt(np.mean(np.square(errors))) < 1.15 * least[0]
+
+
+def test_a_sweep_at_several_rates_keeps_them():
+    slopes = np.array([2.0, -2.2, 2.0, -2.2, 2.0, -2.2])
+    errors, least = zip(*(error_of_a_sweep(slopes, seed) for seed in range(4)), strict=True)
+    assert np.sqrt(np.mean(np.square(errors))) < 2.0 * least[0]
+
+
 def coloured(count, seed):
     """First-order autoregression, 0.97 from sample to sample, of the size of the white noise."""
     white = np.random.default_rng(seed).standard_normal(count)

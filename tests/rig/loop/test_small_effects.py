@@ -70,6 +70,24 @@ def test_a_frame_that_rings_faster_than_half_the_rate_of_the_means_is_named_with
     assert frequency[0] < 27.0 < frequency[1]
 
 
+@pytest.mark.parametrize(
+    ("speeds", "verdict"), [(((20.0, 22.0),) * 2, "ambiguous"), (((6.0, 8.0), (28.0, 30.0)), "named")]
+)
+def test_a_small_friction_at_the_order_of_a_large_cogging_may_be_that_read_late_unless_several_speeds_tell(
+    speeds: tuple[tuple[float, float], ...], verdict: str
+) -> None:
+    friction = term("position-dependent-friction", amplitude=1.0e-3, order=36.0, phase=2.0)
+    hidden = Effects(cogging=(Line(36.0, 1.2e-2, 0.4),), others=(friction,))
+    slow, fast = speeds
+    plan = replace(LEAN, locked_angles=0, locked_pairs=0, backdrives=0, backdrive_pairs=0, free_runs=4)
+    found = traced(hidden, replace(plan, slow_speed=slow, fast_speed=fast), 71)
+    cogging, flips = found.steps
+    assert (cogging.effect, cogging.verdict) == ("cogging", Verdict.NAMED)
+    assert flips.verdict == verdict
+    assert set(flips.members or (flips.effect,)) - {"cogging"} == {"position-dependent-friction"}
+    assert ("cogging" in flips.members) == (verdict == "ambiguous")
+
+
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize("seed", [61, *(pytest.param(seed, marks=pytest.mark.campaign) for seed in (62, 63))])
 def test_the_width_of_a_gap_is_known_to_half_a_per_cent_though_it_is_crossed_within_a_few_samples(seed: int) -> None:
