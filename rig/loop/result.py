@@ -42,8 +42,8 @@ MEANINGS: Mapping[Verdict, str] = MappingProxyType(
         Verdict.UNCONTROLLED: "it does not repeat: events, or something that is not held and not in the model",
         Verdict.UNTRACED: "what is left has structure, but no term passes the tests, or nothing tells it from noise",
         Verdict.AMBIGUOUS: "several effects explain it equally: the ambiguous set",
-        Verdict.UNNAMED: "it repeats, and on what it depends and how is known, but no effect of the catalogue fits",
-        Verdict.NAMED: "one effect of the catalogue explains it, with parameters and intervals",
+        Verdict.UNNAMED: "on what it depends and how is known, but no effect of the catalogue fits",
+        Verdict.NAMED: "effects of the catalogue explain it, with parameters and intervals",
         Verdict.ABSORBED: "a base parameter is away from its catalogue value, and several causes could have moved it",
         Verdict.NONE: "what is left is noise",
     }

@@ -88,7 +88,7 @@ def text_of(result: LoopResult) -> str:
 
 def headline(result: LoopResult) -> str:
     """Say the verdict with its meaning, from how many runs, and what was added."""
-    held = f"{counted(len(result.train), 'run')} fitted, {len(result.held_out)} held out"
+    held = f"{counted(len(result.train), 'training run')}, {len(result.held_out)} held out"
     apart = result.views.apart
     held += f", not counting {', '.join(apart)}, of another kind" if apart else ""
     added = f"added: {', '.join(result.effects)}" if result.effects else "nothing was added"

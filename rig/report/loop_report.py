@@ -77,7 +77,7 @@ def loop_page(record: LoopRecord, software: str) -> str:
 def _head(loop: LoopFile, apart: Sequence[str], device: str) -> Markup:
     nexts = next_experiments(loop)
     box = element("div", element("h3", "Measure next"), *map(next_box, nexts), class_="panel") if nexts else NOTHING
-    held = f"{counted(len(loop.runs.train), 'run')} fitted, {len(loop.runs.held_out)} held out{not_counting(apart)}"
+    held = f"{counted(len(loop.runs.train), 'training run')}, {len(loop.runs.held_out)} held out{not_counting(apart)}"
     meaning = meaning_of(loop.verdict)
     return joined(
         [

@@ -113,7 +113,7 @@ def test_options_of_the_loop_are_typed_again_where_they_are_not_the_usual_ones()
 
 
 def test_one_run_is_told_as_one():
-    assert "(1 run fitted, 1 held out; nothing was added)" in headline(result())
+    assert "(1 training run, 1 held out; nothing was added)" in headline(result())
 
 
 def test_the_rival_that_nothing_is_missing_is_no_effect_of_the_catalogue():

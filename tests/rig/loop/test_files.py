@@ -179,7 +179,9 @@ def test_what_remains_of_each_equation_is_the_rms_of_the_file_s_own_samples_that
 def test_the_table_gives_before_after_and_floor_of_every_equation() -> None:
     text = text_of(result())
     # three short runs, none of them repeated
-    assert text.startswith(f"Verdict: untraced: {MEANINGS[Verdict.UNTRACED]} (2 runs fitted, 1 held out; nothing was ")
+    assert text.startswith(
+        f"Verdict: untraced: {MEANINGS[Verdict.UNTRACED]} (2 training runs, 1 held out; nothing was "
+    )
     assert {"torsion", "motor-torque", "before", "after", "floor"} <= set(text.split())
 
 
