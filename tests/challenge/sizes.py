@@ -129,7 +129,7 @@ def logs_of(case: Case, hidden: Hidden) -> tuple[tuple[Run, ...], tuple[str, ...
 
 
 def known_exactly(case: Case, hidden: Hidden, oracle: Oracle, runs: Sequence[Run], out: Sequence[str]) -> Errors:
-    """Give the rms of the held-out runs that is left to one who knows base and effect exactly, per equation."""
+    """Give the rms of the held-out runs that is left to one who knows the effect exactly and the base by `oracle`."""
     with_it, without = (
         as_runs(campaign_of(case, *what, countless=True).recordings(), case.without)
         for what in ((together(hidden.effects), hidden.outside_amplitude), (NOTHING, 0.0))

@@ -93,8 +93,9 @@ def test_a_right_answer_under_the_headline_of_another_statement_is_told_apart():
 
 def test_an_error_above_the_oracles_in_any_equation_counts():
     lines = [line("single", "right", after_over_oracle={"torsion": 1.0, "motor-torque": 1.06}), line("third", "right")]
-    assert counted(lines, "held-out error") == (1, 2)
-    assert counted(lines, "the same, <= 1.05 x that of logs without") == (2, 2)
+    lines.append(line("third", "right", after_over_without={"torsion": 1.06}))
+    assert counted(lines, "held-out error") == (2, 3)
+    assert counted(lines, "the same, <= 1.05 x that of logs without") == (2, 3)
 
 
 def test_an_event_need_not_reach_the_oracle():

@@ -243,7 +243,7 @@ def _against_motion(ground: Ground, pick: Trial, chosen: Proposal) -> set[str]:
 
 
 def _of_a_late_angle(ground: Ground, pick: Trial, chosen: Proposal) -> set[str]:
-    """Say of what torque a friction at its order may be a part: of a far larger one whose angle is read a little late.
+    """Give the far larger torques at the order of a friction which, their angle read a little late, leave such a part.
 
     That part grows with the speed, friction does not: where the drive turned at several speeds nothing joins the set.
     """
@@ -266,7 +266,7 @@ def _of_a_late_angle(ground: Ground, pick: Trial, chosen: Proposal) -> set[str]:
 
 def _speeds(item: LinearPiece) -> tuple[float, float]:
     """Give the slowest and the fastest speed of a piece while it turns, rad/s; infinite and 0 of one that does not."""
-    speed = np.abs(item.piece.track.speed[item.piece.index])
+    speed = np.abs(item.piece.track.speed[item.piece.index]) * item.piece.track.moves
     return float(np.min(speed, where=speed > 0.0, initial=np.inf)), float(np.max(speed, initial=0.0))
 
 

@@ -1,4 +1,6 @@
-"""A torque that was swept at one rate: its corners lie closer, because all its pieces share one slope."""
+"""A torque that was swept at one rate: its corners are placed more closely, because all its pieces share one slope."""
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,6 +9,10 @@ Floats = NDArray[np.float64]
 
 ALIKE, ALIKE_TOGETHER = 4.5, 1.6
 """Standard deviations by which the slope of one piece, and the rms of all, may differ from the common rate."""
+
+BY_CHANCE = 5.0
+"""Standard deviations of chance by which the squares may grow more than one for every slope that is given up: a small
+bump in a hold has level pieces too, and goes with its knots."""
 
 FEWEST, LEAST_GAP = 3, 2.0
 """Pieces that rise or fall without which nothing is shared, and samples of a piece at least."""
@@ -22,16 +28,16 @@ def at_one_rate(values: Floats, knots: Floats, heights: Floats, variance: Floats
     slopes differ by more than the noise, of `variance` (n,), leaves open, or where the lines do not meet in order.
     knots, heights: the polyline with slopes of its own.
     """
-    found = np.diff(heights) / np.diff(knots)
-    steepest = found[np.abs(np.diff(heights)).argmax()]
-    if steepest == 0.0:
+    own, index = np.diff(heights) / np.diff(knots), np.arange(values.size, dtype=float)
+    of_the_largest = own[np.abs(np.diff(heights)).argmax()]
+    if of_the_largest == 0.0:
         return None
-    signs = np.clip(np.rint(found / steepest), -1.0, 1.0)
+    with_own = np.interp(index, knots, heights)
+    signs = np.clip(np.rint(own / of_the_largest), -1.0, 1.0)
     bends = np.diff(signs) != 0.0
     knots, signs = knots[np.r_[True, bends, True]], signs[np.r_[True, bends]]
     if np.count_nonzero(signs) < FEWEST:
         return None
-    index = np.arange(values.size, dtype=float)
     for _ in range(PASSES):
         if np.diff(knots).min() < LEAST_GAP:
             return None
@@ -48,4 +54,10 @@ def at_one_rate(values: Floats, knots: Floats, heights: Floats, variance: Floats
     apart = np.abs(slopes - signs * rate) * np.sqrt(spread / noise)
     if np.diff(knots).min() < LEAST_GAP or apart.max() > ALIKE or np.sqrt(np.mean(apart**2)) > ALIKE_TOGETHER:
         return None
-    return knots, np.append(starts, starts[-1]) + rate * np.append(signs, signs[-1]) * knots
+    heights = np.append(starts, starts[-1]) + rate * np.append(signs, signs[-1]) * knots
+    missed = (values - np.interp(index, knots, heights)) ** 2 - (values - with_own) ** 2
+    return (
+        (knots, heights)
+        if float((missed / variance).sum()) < own.size + BY_CHANCE * math.sqrt(2.0 * own.size)
+        else None
+    )

@@ -87,6 +87,15 @@ def test_a_sweep_at_several_rates_keeps_them():
     assert np.sqrt(np.mean(np.square(errors))) < 2.0 * least[0]
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_bump_in_a_hold_of_a_sweep_at_one_rate_is_no_part_of_the_hold(seed):
+    time = np.arange(0.0, 40.0, 0.01)
+    torque = np.interp(time, [0, 4, 10, 12, 13, 14, 16, 22, 28, 34, 40], [0, 0, 12, 12, 12.3, 12, 12, 0, 12, 0, 0])
+    line = found(torque, 0.01, seed)
+    assert line is not None
+    assert np.sqrt(np.mean((line - torque) ** 2)) < 0.2 * NOISE
+
+
 def coloured(count, seed):
     """First-order autoregression, 0.97 from sample to sample, of the size of the white noise."""
     white = np.random.default_rng(seed).standard_normal(count)
