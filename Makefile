@@ -49,7 +49,7 @@ fuzz: $(STAMP)   ## property tests with new random examples for 2 minutes (SECON
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.fuzz $(SECONDS)
 
 campaign: $(STAMP) ## every row of "What a campaign establishes" in docs/effects.md against the loop, and other long tests (half an hour)
-	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -m campaign tests
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -m campaign tests/rig
 
 CHALLENGE := runs/challenge
 challenge: $(STAMP) ## blind test: hidden effects, naming, errors, intervals (an hour; SMALL=1, SCALE=n, DEV=1, SEEDS=A:B)

@@ -82,14 +82,7 @@ def arguments(line: str) -> list[str]:
     return words
 
 
-LONG = ("docs/papers/zhang2014.md",)
-"""Pages whose examples take minutes, and what they show is in the tests otherwise: `make campaign` runs them."""
-
-WITH_EXAMPLES = [
-    pytest.param(page, id=name, marks=[pytest.mark.campaign] * (name in LONG))
-    for page, name in zip(PAGES, NAMES, strict=True)
-    if any(example.line not in NOT_RUN for example in examples(page))
-]
+WITH_EXAMPLES = [page for page in PAGES if any(e.line not in NOT_RUN for e in examples(page))]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
@@ -111,7 +104,7 @@ def test_every_example_of_a_command_is_in_a_block_that_is_run(page):
 
 
 @pytest.mark.timeout(600)  # the README walks through two campaigns and a loop: a minute on a quiet machine
-@pytest.mark.parametrize("page", WITH_EXAMPLES)
+@pytest.mark.parametrize("page", WITH_EXAMPLES, ids=[str(page.relative_to(ROOT)) for page in WITH_EXAMPLES])
 def test_console_examples_run_and_print_what_is_shown(page, tmp_path, monkeypatch):
     bench, dut = blocks(ROOT / "docs/files.md", "toml")[:2]
     (tmp_path / "bench.toml").write_text(bench)

@@ -14,7 +14,7 @@ from rig.log.run import Run
 from rig.loop.campaign import LoopOptions, split_runs
 from sim_backend.model.effects import CATALOGUE, ActiveEffect
 from tests.challenge.cases import Case
-from tests.challenge.sizes import Hidden, Oracle, base_oracle
+from tests.challenge.sizes import BaseFloor, Hidden, base_floor
 from tests.independent.terms import Arm, Effects, Line, Term
 
 
@@ -25,8 +25,8 @@ def recorded(case: Case, logs: Path) -> tuple[tuple[Run, ...], Dut]:
     return runs, dut_of(runs)
 
 
-def prepared(case: Case) -> tuple[Oracle, Hidden, tuple[Run, ...], Dut, tuple[str, ...]]:
-    """Give oracle, what is hidden with its size, runs, device file and runs to hold out.
+def prepared(case: Case) -> tuple[BaseFloor, Hidden, tuple[Run, ...], Dut, tuple[str, ...]]:
+    """Give floor, what is hidden with its size, runs, device file and runs to hold out.
 
     The size is what the base model leaves more than without the effect, in squares: two recordings of one noise seed.
     """
@@ -35,15 +35,15 @@ def prepared(case: Case) -> tuple[Oracle, Hidden, tuple[Run, ...], Dut, tuple[st
     with tempfile.TemporaryDirectory() as folder:
         without, _ = recorded(replace(case, hidden=()), Path(folder))
     out = tuple(run.name for run in split_runs(runs, LoopOptions()).held_out)
-    oracle, with_it = (base_oracle(some, out, dut) for some in (without, runs))
+    floor, with_it = (base_floor(some, out, dut) for some in (without, runs))
     sizes = {
         name: math.sqrt(max(with_it.train[name] ** 2 - rms**2, 0.0)) / rms
-        for name, rms in oracle.train.items()
+        for name, rms in floor.train.items()
         if name in with_it.train
     }
     largest = max(sizes, key=lambda name: sizes[name])
     hidden = tuple(in_log_frame(effects, dut) for effects in case.hidden)
-    return oracle, Hidden(hidden, 0.0, (sizes[largest],), (largest,), (1.0,)), runs, dut, out
+    return floor, Hidden(hidden, 0.0, (sizes[largest],), (largest,), (1.0,)), runs, dut, out
 
 
 def active(hidden: Sequence[Effects]) -> tuple[ActiveEffect, ...]:

@@ -18,7 +18,7 @@ from rig.provenance import git_state
 from tests.challenge import on_bench
 from tests.challenge.cases import Case, make_case
 from tests.challenge.scoring import score
-from tests.challenge.sizes import Hidden, hide, known_exactly, logs_of, oracle_of
+from tests.challenge.sizes import Hidden, floor_of, hide, logs_of, oracle_errors
 from tests.rig.loop.runs import dut as default_dut
 
 
@@ -40,13 +40,13 @@ def run_case(family: str, seed: int) -> dict[str, Any]:
     """Give the line of one case."""
     case = make_case(family, seed)
     if family == "bench":
-        oracle, hidden, runs, dut, held_out = on_bench.prepared(case)
-        exact = oracle.held_out
+        floor, hidden, runs, dut, held_out = on_bench.prepared(case)
+        oracle = floor.held_out
     else:
-        oracle, dut = oracle_of(case), default_dut()
-        hidden = hide(case, oracle)
+        floor, dut = floor_of(case), default_dut()
+        hidden = hide(case, floor)
         runs, held_out = logs_of(case, hidden)
-        exact = known_exactly(case, hidden, oracle, runs, held_out)
+        oracle = oracle_errors(case, hidden, floor, runs, held_out)
     frozen = answer_of(runs, dut, held_out)
     answer = json.loads(frozen)
     samples = sum(run.time.size for run in runs)
@@ -54,7 +54,7 @@ def run_case(family: str, seed: int) -> dict[str, Any]:
         **_told(case, hidden),
         "runs": len(runs),
         "samples": samples,
-        **score(case, hidden, exact, oracle.held_out, answer),
+        **score(case, hidden, oracle, floor.held_out, answer),
         **_brief(answer),
     }
 

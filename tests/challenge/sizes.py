@@ -55,7 +55,7 @@ Errors = Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Oracle:
+class BaseFloor:
     """The campaign without what is hidden, base fitted: rms per equation, of the training and of the held-out runs."""
 
     fit: Fit
@@ -79,29 +79,29 @@ def as_runs(recordings: Sequence[Recording], without: Sequence[str] = ()) -> tup
     return tuple(_as_run(recording, without) for recording in recordings)
 
 
-def oracle_of(case: Case, effects: Effects = NOTHING) -> Oracle:
+def floor_of(case: Case, effects: Effects = NOTHING) -> BaseFloor:
     """Fit the base model to the campaign in which nothing is hidden, or to that with `effects`."""
     recordings = campaign_of(case, effects).recordings()
-    return base_oracle(as_runs(recordings, case.without), held_out(recordings), default_dut())
+    return base_floor(as_runs(recordings, case.without), held_out(recordings), default_dut())
 
 
-def base_oracle(runs: Sequence[Run], out: Sequence[str], dut: Dut) -> Oracle:
+def base_floor(runs: Sequence[Run], out: Sequence[str], dut: Dut) -> BaseFloor:
     """Fit the base model to all runs but those to hold out."""
     tracks = [make_track(run, dut) for run in runs if run.name not in out]
     start = start_model(dut, dut.gear.ratio, Compliance.ARCTAN, None)
     thin = [distinct_readings(piece) for track in tracks for piece in pieces_of(thin_track(track), dut.gear.ratio)]
     base = fit_base(material(Here(settled_pieces(thin, start))), start)
     held = [make_track(run, dut) for run in runs if run.name in out]
-    return Oracle(base, _rms(_residuals(tracks, base.model)), _rms(_residuals(held, base.model)))
+    return BaseFloor(base, _rms(_residuals(tracks, base.model)), _rms(_residuals(held, base.model)))
 
 
-def hide(case: Case, oracle: Oracle) -> Hidden:
+def hide(case: Case, floor: BaseFloor) -> Hidden:
     """Scale what the case hides to the size it is to have, each effect by itself."""
-    without = _smooth_residuals(case, oracle, NOTHING, 0.0)
+    without = _smooth_residuals(case, floor, NOTHING, 0.0)
 
     def size(effects: Effects, outside_amplitude: float) -> tuple[float, str]:
-        left = _difference(_smooth_residuals(case, oracle, effects, outside_amplitude), without)
-        sizes = {name: rms / oracle.train[name] for name, rms in left.items()}
+        left = _difference(_smooth_residuals(case, floor, effects, outside_amplitude), without)
+        sizes = {name: rms / floor.train[name] for name, rms in left.items()}
         equation = max(sizes, key=lambda name: sizes[name])
         return sizes[equation], equation
 
@@ -128,8 +128,8 @@ def logs_of(case: Case, hidden: Hidden) -> tuple[tuple[Run, ...], tuple[str, ...
     return as_runs(recordings, case.without), held_out(recordings)
 
 
-def known_exactly(case: Case, hidden: Hidden, oracle: Oracle, runs: Sequence[Run], out: Sequence[str]) -> Errors:
-    """Give the rms of the held-out runs that is left to one who knows the effect exactly and the base by `oracle`."""
+def oracle_errors(case: Case, hidden: Hidden, floor: BaseFloor, runs: Sequence[Run], out: Sequence[str]) -> Errors:
+    """Give the rms per equation of held-out runs for one who knows the effect exactly, and the base as `floor` does."""
     with_it, without = (
         as_runs(campaign_of(case, *what, countless=True).recordings(), case.without)
         for what in ((together(hidden.effects), hidden.outside_amplitude), (NOTHING, 0.0))
@@ -137,19 +137,17 @@ def known_exactly(case: Case, hidden: Hidden, oracle: Oracle, runs: Sequence[Run
     read, smooth, plain = (
         {
             (item.piece.equation, item.piece.track.name): item
-            for item in _residuals(
-                [make_track(run, default_dut()) for run in some if run.name in out], oracle.fit.model
-            )
+            for item in _residuals([make_track(run, default_dut()) for run in some if run.name in out], floor.fit.model)
         }
         for some in (runs, with_it, without)
     )
-    left: dict[str, list[np.ndarray]] = {}
+    left = []
     for key in read.keys() & smooth.keys() & plain.keys():
         logs = (read[key], smooth[key], plain[key])
         times = np.intersect1d(np.intersect1d(logs[0].time, logs[1].time), logs[2].time)
         here, there, bare = (item.values[np.searchsorted(item.time, times)] for item in logs)
-        left.setdefault(key[0].value, []).append(here - (there - bare))
-    return {name: float(np.sqrt(np.mean(np.concatenate(values) ** 2))) for name, values in left.items()}
+        left.append(replace(read[key], time=times, values=here - (there - bare)))
+    return _rms(left)
 
 
 def _as_run(recording: Recording, without: Sequence[str]) -> Run:
@@ -195,7 +193,7 @@ def _off(size: float, wanted: float) -> float:
     return abs(math.log(max(size, 1e-9) / wanted))
 
 
-def _smooth_residuals(case: Case, oracle: Oracle, effects: Effects, outside_amplitude: float) -> list[Residual]:
+def _smooth_residuals(case: Case, floor: BaseFloor, effects: Effects, outside_amplitude: float) -> list[Residual]:
     """Give what the refitted base leaves of the training runs, read by encoders without counts."""
     dut = default_dut()
     recordings = campaign_of(case, effects, outside_amplitude, countless=True).recordings()
@@ -203,11 +201,11 @@ def _smooth_residuals(case: Case, oracle: Oracle, effects: Effects, outside_ampl
     tracks = [make_track(run, dut) for run in as_runs(recordings, case.without) if run.name not in out]
     thin = {track.name: thin_track(track) for track in tracks}
     pieces = []
-    for item in oracle.fit.linear.gather():
+    for item in floor.fit.linear.gather():
         moved = replace(item.piece, track=thin[item.piece.track.name])
         pieces.append(replace(moved, target=target_of(moved, dut.gear.ratio)[moved.index]))
-    near = fit_base(material(Here(pieces)), scaled_to_data(oracle.fit.model, list(thin.values()))).model
-    again = fit(Here(pieces), near, oracle.fit.noise, passes=PASSES, block=oracle.fit.block)
+    near = fit_base(material(Here(pieces)), scaled_to_data(floor.fit.model, list(thin.values()))).model
+    again = fit(Here(pieces), near, floor.fit.noise, passes=PASSES, block=floor.fit.block)
     return _residuals(tracks, again.model)
 
 

@@ -15,7 +15,7 @@ from rig.log.run import Run
 from tests.challenge import on_bench
 from tests.challenge import run as runner
 from tests.challenge.cases import EFFECTS, Case, campaign_of, make_case, scaled, together
-from tests.challenge.sizes import Hidden, base_oracle, hide, known_exactly, logs_of, oracle_of
+from tests.challenge.sizes import Hidden, base_floor, floor_of, hide, logs_of, oracle_errors
 from tests.independent.campaign import Plan
 from tests.independent.draws import draw
 from tests.independent.effects import Effects
@@ -54,29 +54,36 @@ def case_with(effect: str, size: float | None = 1.0) -> Case:
 def test_an_effect_gets_the_size_that_is_left_of_it_beside_the_floor(effect: str, size: float):
     """By the difference of two noisy campaigns, the base fitted to each: not how the size was made."""
     case = case_with(effect, size)
-    oracle = oracle_of(case)
-    hidden = hide(case, oracle)
+    floor = floor_of(case)
+    hidden = hide(case, floor)
     assert hidden.sizes[0] == pytest.approx(size, rel=0.05)
     (equation,) = hidden.equations
-    with_it = oracle_of(case, effects=together(hidden.effects))
-    squares = with_it.train[equation] ** 2 - oracle.train[equation] ** 2
+    with_it = floor_of(case, effects=together(hidden.effects))
+    squares = with_it.train[equation] ** 2 - floor.train[equation] ** 2
     # counts that fall otherwise and noise that is correlated by chance with the effect
-    assert np.sqrt(squares) / oracle.train[equation] == pytest.approx(size, abs=0.12)
+    assert np.sqrt(squares) / floor.train[equation] == pytest.approx(size, abs=0.12)
 
 
-@pytest.mark.parametrize(("effect", "equation"), [("cogging", "motor-torque"), ("structural-resonance", "torsion")])
-def test_one_who_knows_all_has_the_error_of_logs_without_the_effect_but_for_what_encoders_make_of_it(effect, equation):
+def errors_in_floors(effect: str, equation: str) -> tuple[float, float]:
+    """Give the held-out errors of a base model that lacks the effect, and of one who knows all, in floors."""
     case = case_with(effect)
-    oracle = oracle_of(case)
-    hidden = hide(case, oracle)
+    floor = floor_of(case)
+    hidden = hide(case, floor)
     runs, out = logs_of(case, hidden)
-    unknown = base_oracle(runs, out, default_dut()).held_out[equation] / oracle.held_out[equation]
-    known = known_exactly(case, hidden, oracle, runs, out)[equation] / oracle.held_out[equation]
-    assert unknown > 1.2
-    if equation == "motor-torque":
-        assert known == pytest.approx(1.0, abs=1e-3)
-    else:  # an encoder that stood on one count rings between two
-        assert 1.005 < known < 1.0 + 0.5 * (unknown - 1.0)
+    lacking, knowing = base_floor(runs, out, default_dut()).held_out, oracle_errors(case, hidden, floor, runs, out)
+    return lacking[equation] / floor.held_out[equation], knowing[equation] / floor.held_out[equation]
+
+
+def test_one_who_knows_a_torque_has_the_error_of_logs_without_it():
+    lacking, knowing = errors_in_floors("cogging", "motor-torque")
+    assert lacking > 1.2
+    assert knowing == pytest.approx(1.0, abs=1e-3)
+
+
+def test_one_who_knows_a_ringing_frame_keeps_what_the_counts_make_of_it():
+    """A locked encoder that stood on one count rings between two: less than the effect, more than nothing."""
+    lacking, knowing = errors_in_floors("structural-resonance", "torsion")
+    assert 1.005 < knowing < 1.0 + 0.5 * (lacking - 1.0)
 
 
 def test_every_effect_is_scaled_and_two_together_are_the_sum():

@@ -103,7 +103,8 @@ def test_an_event_need_not_reach_the_oracle():
 
 
 def test_a_refusal_is_no_right_answer_anywhere():
-    refused = {"error": "a leak", "added": [], "after_over_oracle": {}, "after_over_without": {}}
+    ratios = {key: {} for key in ("after_over_oracle", "after_over_without", "after_over_before")}
+    refused = {"error": "a leak", "added": [], **ratios}
     lines = [line("outside", "error", **refused), line("single", "error", **refused)]
     assert counted(lines, "physics outside the catalogue: held-out") == (0, 1)
     assert counted(lines, "held-out error") == (0, 1)

@@ -223,7 +223,10 @@ class Added:
         return found
 
     def corners(self, signals: Mapping[str, Floats]) -> dict[str, Floats]:
-        """Give, by name, the lines by whose corners things ring, when the torque had them and not its late reading."""
+        """Give, by name, the lines whose corners set things ringing, N*m, at the times the torque had them; {} if none.
+
+        Its reading may show them late.
+        """
         if CORNERS not in signals:
             return {}
         late = [added_late(term, signals, self.step, CORNERS) for term in self._at(Place.LOAD)]

@@ -16,7 +16,7 @@ from tests.challenge.peers import narmax, sindy
 from tests.challenge.peers.columns import Floats, Prepared, Task, prepare_columns
 from tests.challenge.run import answer_of, lines_in
 from tests.challenge.scoring import RIGHT, naming_of
-from tests.challenge.sizes import as_runs, base_oracle, hide, logs_of, oracle_of
+from tests.challenge.sizes import as_runs, base_floor, floor_of, hide, logs_of
 from tests.independent.terms import Effects
 from tests.rig.loop.runs import dut as default_dut
 
@@ -38,12 +38,12 @@ COUNTS = {"single": 10, "outside": 5, "none": 8}
 def compare(family: str, seed: int) -> dict[str, Any]:
     """Give what the loop and every selector say of one case."""
     case, dut = make_case(family, seed), default_dut()
-    oracle = oracle_of(case)
-    hidden = hide(case, oracle)
+    without_it = floor_of(case)
+    hidden = hide(case, without_it)
     runs, held_out = logs_of(case, hidden)
-    with_it = base_oracle(runs, held_out, dut)
+    with_it = base_floor(runs, held_out, dut)
     without = as_runs(campaign_of(case, Effects()).recordings())
-    floor = _left(prepare_columns(oracle.fit, without, held_out, dut))
+    floor = _left(prepare_columns(without_it.fit, without, held_out, dut))
     started = time.process_time()
     answer = json.loads(answer_of(runs, dut, held_out))
     seconds = time.process_time() - started
@@ -51,7 +51,7 @@ def compare(family: str, seed: int) -> dict[str, Any]:
     if "error" not in answer:
         after = {name: item["held_out"]["rms_after"] for name, item in answer["equations"].items()}
         groups = [step["effect"] for step in answer["steps"]]
-        found[LOOP] = _told(groups, after, oracle.held_out, seconds)
+        found[LOOP] = _told(groups, after, without_it.held_out, seconds)
         found[LOOP]["exact"] = naming_of(expected_of(case), answer)[0] == RIGHT
     started = time.process_time()
     prepared = prepare_columns(with_it.fit, runs, held_out, dut)
