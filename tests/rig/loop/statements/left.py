@@ -11,7 +11,7 @@ from rig.loop.model.equations import pieces_of
 from rig.loop.model.prediction import Model
 from rig.loop.signals.tracks import make_track
 from rig.loop.statements.residuals import Residual, residual_of
-from tests.challenge.sizes import base_oracle
+from tests.challenge.sizes import base_floor
 from tests.independent.campaign import NESTED_PEAKS, Campaign, Plan, Recording
 from tests.independent.instruments import Instruments, NoiseKind
 from tests.independent.terms import Effects
@@ -46,7 +46,7 @@ def changed(run: Run, name: str, added: Callable[[Floats], Floats]) -> Run:
 def left_of(recordings: Sequence[Recording] | Sequence[Run]) -> tuple[list[Residual], Model]:
     """Give the residuals of all runs at the full rate of their logs, and the base model that leaves them."""
     runs = tuple(item if isinstance(item, Run) else as_run(item) for item in recordings)
-    model = base_oracle(runs, (), dut()).fit.model
+    model = base_floor(runs, (), dut()).fit.model
     pieces = [piece for run in runs for piece in pieces_of(make_track(run, dut()), model.ratio)]
     return [residual_of(piece, model) for piece in pieces], model
 
