@@ -27,7 +27,7 @@ from rig.loop.experiment.sketch import coarse_facts, distinct, sketch
 from rig.loop.fitting.fit import Fit, coarse
 from rig.loop.model.equations import Equation, Piece
 from rig.loop.model.shapes import ShapeClass
-from rig.loop.model.terms import TermClass
+from rig.loop.model.terms import Entry, TermClass
 from rig.loop.result import NextExperiment, Open, Step, Verdict
 from rig.loop.search.decision import Decision
 from rig.loop.search.groups import QUOTIENT, SINGLE_ANGLE_SET, TWINS
@@ -128,6 +128,10 @@ def _of_step(
     if isinstance(kind, ShapeClass) and kind.effect is None:
         why = f"See whether the shape over {kind.variable} holds: vary"
         return _survey("locked-output" if kind.is_angle else "free-run", bench, why)
+    if "cogging" in members and isinstance(kind, TermClass) and kind.entry is Entry.MOTOR_AGAINST_MOTION:
+        return _survey(
+            "free-run", bench, "A torque whose angle is read late grows with the speed, a friction does not: vary"
+        )
     if not members and isinstance(kind, TermClass):
         members = (kind.id, *other_entries(kind))
     if bench is None:

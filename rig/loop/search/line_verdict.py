@@ -1,5 +1,6 @@
 """Whether a line is added, under which name, and why not."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -39,9 +40,10 @@ from rig.loop.search.tried import by_gain, tried_line, tried_shape
 
 BESIDE_AN_ANGLE = "beside another angle error it may be what that leaves, or the encoders' counts"
 
-FAR_LARGER, SEVERAL_SPEEDS = 3.0, 1.5
+FAR_LARGER, SEVERAL_SPEEDS, IN_QUADRATURE = 3.0, 1.5, 0.5
 """Times the friction from which a torque at its order may show as such a one, its angle read a third of a radian late,
-and the fastest over the slowest speed from which they tell the two apart."""
+the fastest over the slowest speed from which they tell the two apart, and the cosine of the angle between the two lines
+up to which they are taken to stand a quarter of a period apart: a small line's phase is known to half a radian."""
 
 CROWDED = "it cannot be told from a line that is there already"
 
@@ -245,14 +247,16 @@ def _against_motion(ground: Ground, pick: Trial, chosen: Proposal) -> set[str]:
 def _of_a_late_angle(ground: Ground, pick: Trial, chosen: Proposal) -> set[str]:
     """Give the far larger torques at the order of a friction which, their angle read a little late, leave such a part.
 
-    That part grows with the speed, friction does not: where the drive turned at several speeds nothing joins the set.
+    That part stands a quarter of a period from them and grows with the speed, friction does not: where the drive turned
+    at several speeds nothing joins the set.
     """
     if chosen.kind.entry is not Entry.MOTOR_AGAINST_MOTION:
         return set()
     slowest, fastest = zip(*ground.fit.linear.map(_speeds), strict=True)
     if max(fastest) > SEVERAL_SPEEDS * min(slowest):
         return set()
-    size = float(np.linalg.norm(pick.amplitudes))
+    size, middle = float(np.linalg.norm(pick.amplitudes)), _middle(ground, chosen.kind.variable)
+    friction = math.atan2(pick.amplitudes[1], pick.amplitudes[0]) + chosen.order * middle
     return {
         line.kind.effect
         for line in ground.fit.model.lines
@@ -261,7 +265,22 @@ def _of_a_late_angle(ground: Ground, pick: Trial, chosen: Proposal) -> set[str]:
         and line.kind.effect is not None
         and abs(line.order - chosen.order) < chosen.resolution
         and line.amplitude > FAR_LARGER * size
+        and abs(math.cos(friction - line.order * middle - math.atan2(line.cosine, line.sine))) < IN_QUADRATURE
     }
+
+
+def _middle(ground: Ground, variable: str) -> float:
+    """Give the mean angle (rad) where the drive turned: there the phases of two nearly equal orders compare."""
+    sums = ground.fit.linear.map(_angle_sum, variable)
+    return sum(total for total, _ in sums) / max(sum(count for _, count in sums), 1)
+
+
+def _angle_sum(item: LinearPiece, variable: str) -> tuple[float, int]:
+    """Give the sum of a turning piece's angles and their number; 0 and 0 of one that does not turn."""
+    angle = item.evaluation.positions.get(variable)
+    if angle is None or not item.piece.track.moves:
+        return 0.0, 0
+    return float(angle[item.piece.index].sum()), item.piece.index.size
 
 
 def _speeds(item: LinearPiece) -> tuple[float, float]:

@@ -70,13 +70,18 @@ def test_a_frame_that_rings_faster_than_half_the_rate_of_the_means_is_named_with
     assert frequency[0] < 27.0 < frequency[1]
 
 
+ONE_SPEED, SEVERAL = ((20.0, 22.0),) * 2, ((6.0, 8.0), (28.0, 30.0))
+
+
 @pytest.mark.parametrize(
-    ("speeds", "verdict"), [(((20.0, 22.0),) * 2, "ambiguous"), (((6.0, 8.0), (28.0, 30.0)), "named")]
+    ("speeds", "phase", "verdict"),
+    [(ONE_SPEED, 2.0, "ambiguous"), (ONE_SPEED, 0.6, "named"), (SEVERAL, 2.0, "named")],
+    ids=["a quarter of a period from it", "in phase with it", "at several speeds"],
 )
-def test_a_small_friction_at_the_order_of_a_large_cogging_may_be_that_read_late_unless_several_speeds_tell(
-    speeds: tuple[tuple[float, float], ...], verdict: str
+def test_a_small_friction_at_the_order_of_a_large_cogging_may_be_that_read_late_unless_phase_or_speeds_tell(
+    speeds: tuple[tuple[float, float], ...], phase: float, verdict: str
 ) -> None:
-    friction = term("position-dependent-friction", amplitude=1.0e-3, order=36.0, phase=2.0)
+    friction = term("position-dependent-friction", amplitude=1.0e-3, order=36.0, phase=phase)
     hidden = Effects(cogging=(Line(36.0, 1.2e-2, 0.4),), others=(friction,))
     slow, fast = speeds
     # the motor of a locked sweep creeps, which is no speed that tells
@@ -87,6 +92,8 @@ def test_a_small_friction_at_the_order_of_a_large_cogging_may_be_that_read_late_
     assert flips.verdict == verdict
     assert set(flips.members or (flips.effect,)) - {"cogging"} == {"position-dependent-friction"}
     assert ("cogging" in flips.members) == (verdict == "ambiguous")
+    if flips.next_experiment is not None:
+        assert flips.next_experiment.command.startswith("rig run free-run --set free-run.speeds=")
 
 
 @pytest.mark.timeout(300)
