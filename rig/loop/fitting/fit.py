@@ -57,9 +57,9 @@ holds, or none, must not run away."""
 CONVERGED = 0.01
 """Change of the weighted squares at which the fit stops: a tenth of a standard deviation of one parameter."""
 
-REWEIGHTINGS = 4
+PASSES, REWEIGHTINGS = 30, 4
 STABLE = 0.03
-"""Rounds of weighting at most, and the relative change of a noise at which they end."""
+"""Steps of a fit and rounds of weighting at most, and the relative change of a noise at which these end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,15 +114,20 @@ def _piece_of(item: LinearPiece) -> Piece:
     return item.piece
 
 
-def fit(pieces: Held[Piece], model: Model, noise: dict[Kind, Noise], *, passes: int = 30, block: float = BLOCK) -> Fit:
+def fit(pieces: Held[Piece], model: Model, noise: dict[Kind, Noise], *, passes: int = PASSES, block: float = BLOCK) -> Fit:
     """Fit base and lines together from the model's values. `noise` weighs the kinds; empty: all alike.
 
     Raises ModelError where no drive is like the model.
     """
     first, known = pieces.keep(predicted, model), tuple(pieces.map(about))
     columns = _columns(first, model)
-    damping = 1e-3
-    current = _state(known, first.keep(linearised, model, columns, noise, block), model, columns, noise, block)
+    linear = first.keep(linearised, model, columns, noise, block)
+    return _improved(pieces, _state(known, linear, model, columns, noise, block), passes)
+
+
+def _improved(pieces: Held[Piece], start: Fit, passes: int = PASSES) -> Fit:
+    """Go on from a fit of these pieces, whose weights may have changed since."""
+    columns, current, damping = start.columns, start, 1e-3
     for _ in range(passes):
         A = current.normal.A.sum(axis=0) + np.diag(current.prior)
         g = current.normal.g.sum(axis=0) + current.pull
@@ -140,8 +145,8 @@ def fit(pieces: Held[Piece], model: Model, noise: dict[Kind, Noise], *, passes: 
             damping *= 10.0
         if not improved:
             break
-        linear = attempt.keep(linearised, trial, columns, noise, block)
-        current = _state(known, linear, trial, columns, noise, block)
+        linear = attempt.keep(linearised, trial, columns, current.noise, current.block)
+        current = _state(current.about, linear, trial, columns, current.noise, current.block)
         if cost - trial_cost <= CONVERGED:
             break
     return current
@@ -185,7 +190,7 @@ def fit_stably(pieces: Material, model: Model, noise: dict[Kind, Noise], block: 
     state = reweighted(fit(pieces.all, best.model, noise, block=block))
     for _ in range(REWEIGHTINGS):
         before = state.noise
-        state = reweighted(fit(pieces.all, state.model, before, block=state.block))
+        state = reweighted(_improved(pieces.all, state))
         if all(abs(np.log(state.noise[kind].sigma / before[kind].sigma)) < STABLE for kind in before):
             break
     return state
