@@ -3,6 +3,7 @@
 import functools
 
 import numpy as np
+import pytest
 
 from rig.loop.campaign import LoopOptions
 from rig.loop.model.terms import Line, TermClass, periodic_effects
@@ -14,6 +15,8 @@ from tests.independent.campaign import Campaign, Plan
 from tests.independent.terms import Effects, term
 from tests.independent.terms import Line as Hidden
 from tests.rig.loop.runs import dut, runs_of
+
+pytestmark = pytest.mark.xdist_group("base-model")  # what was traced is shared
 
 KINEMATIC = Effects(kinematic_error=(Hidden(2.0, 4e-5, 0.7), Hidden(4.0, 2e-5, -1.0)))
 OFFSET = Effects(others=(term("torque-sensor-offset", amplitude=0.3),))

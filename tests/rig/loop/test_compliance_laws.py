@@ -39,6 +39,8 @@ from sim_backend.model.compliance import LAWS, Compliance
 from sim_backend.model.parameters import Cubic, Piecewise
 from tests.rig.loop.runs import dut, make_run
 
+pytestmark = pytest.mark.xdist_group("compliance-laws")  # what was traced is shared
+
 DUT_TEXT = SHD_17_100.replace("T1 = 3.9", "K3 = 1.2e4\nT1 = 3.9")
 CUBIC = Cubic(a1=8.75e3, a3=4.5e8)
 PIECEWISE = Piecewise(K1=8.8e3, K2=9.9e3, K3=1.3e4, T1=4.1, T2=11.5)

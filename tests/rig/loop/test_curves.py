@@ -35,6 +35,8 @@ from sim_backend.model.effects import CATALOGUE, Enters, Shape
 from tests.independent.campaign import Campaign, Plan
 from tests.rig.loop.runs import dut, runs_of
 
+pytestmark = pytest.mark.xdist_group("curves")  # what was traced is shared
+
 Floats = NDArray[np.float64]
 STEP = 0.01
 TIME = np.arange(0.0, 40.0, STEP)

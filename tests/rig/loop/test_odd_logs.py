@@ -211,7 +211,7 @@ def test_a_phase_is_no_better_known_than_the_zeros_of_the_runs() -> None:
 @pytest.mark.timeout(300)
 def test_a_line_that_may_be_the_encoder_s_is_told_apart_from_one_that_is_the_gear_s_alone() -> None:
     lines = (Line(2.0, 1e-4, 0.3), Line(1.0, 4e-5, 1.0))
-    runs, held_out = runs_of(Campaign(21, Effects(kinematic_error=lines), plan=STANDARD))
+    runs, held_out = runs_of(Campaign(21, Effects(kinematic_error=lines), plan=STANDARD, rate=200.0))
     result = trace(runs, dut(), LoopOptions(held_out=held_out))
     told = {step.effect: [round(line.order, 3) for line in step.lines] for step in result.steps}
     assert told == {"kinematic-error": [2.0], "ambiguous:kinematic-error|motor-encoder-eccentricity": [1.0]}

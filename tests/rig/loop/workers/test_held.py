@@ -21,6 +21,8 @@ from tests.independent.campaign import Campaign
 from tests.independent.draws import draw
 from tests.rig.loop.runs import dut, runs_of
 
+pytestmark = pytest.mark.xdist_group("held")  # what was traced is shared
+
 Place = Callable[[list[Any]], AbstractContextManager[Held[Any]]]
 
 
