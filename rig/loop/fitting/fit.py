@@ -114,7 +114,9 @@ def _piece_of(item: LinearPiece) -> Piece:
     return item.piece
 
 
-def fit(pieces: Held[Piece], model: Model, noise: dict[Kind, Noise], *, passes: int = PASSES, block: float = BLOCK) -> Fit:
+def fit(
+    pieces: Held[Piece], model: Model, noise: dict[Kind, Noise], *, passes: int = PASSES, block: float = BLOCK
+) -> Fit:
     """Fit base and lines together from the model's values. `noise` weighs the kinds; empty: all alike.
 
     Raises ModelError where no drive is like the model.
@@ -125,7 +127,7 @@ def fit(pieces: Held[Piece], model: Model, noise: dict[Kind, Noise], *, passes: 
     return _improved(pieces, _state(known, linear, model, columns, noise, block), passes)
 
 
-def _improved(pieces: Held[Piece], start: Fit, passes: int = PASSES) -> Fit:
+def _improved(pieces: Held[Piece], start: Fit, passes: int) -> Fit:
     """Go on from a fit of these pieces, whose weights may have changed since."""
     columns, current, damping = start.columns, start, 1e-3
     for _ in range(passes):
@@ -187,10 +189,15 @@ def fit_stably(pieces: Material, model: Model, noise: dict[Kind, Noise], block: 
     """
     starts = (model, replace(model, values=model.table.start()))
     best = min((fit(pieces.few, start, noise, block=block) for start in starts), key=_cost)
-    state = reweighted(fit(pieces.all, best.model, noise, block=block))
+    return settled(pieces.all, fit(pieces.all, best.model, noise, block=block))
+
+
+def settled(pieces: Held[Piece], state: Fit, passes: int = PASSES) -> Fit:
+    """Go on from a fit of these pieces until the weights that follow from its residual no longer change."""
+    state = reweighted(state)
     for _ in range(REWEIGHTINGS):
         before = state.noise
-        state = reweighted(_improved(pieces.all, state))
+        state = reweighted(_improved(pieces, state, passes))
         if all(abs(np.log(state.noise[kind].sigma / before[kind].sigma)) < STABLE for kind in before):
             break
     return state

@@ -8,7 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from rig.loop.fitting.fit import Fit, fit
+from rig.loop.fitting.fit import Fit, fit, settled
 from rig.loop.fitting.normal import noise_of
 from rig.loop.model.equations import Piece
 from rig.loop.search.acceptance import LARGE_SHARE
@@ -22,8 +22,8 @@ CONTENDS = 0.3
 MOST = 4
 """Effects that are fitted at most."""
 
-PASSES, REWEIGHTINGS = 10, 3
-"""Passes of a fit at most, and how often its weights are taken anew from its residual."""
+PASSES = 10
+"""Passes of a fit at most."""
 
 
 def by_joint_fit(few: Held[Piece], ground: Ground, trials: Sequence[ShapeTrial], alpha: float) -> list[ShapeTrial]:
@@ -57,10 +57,7 @@ def by_joint_fit(few: Held[Piece], ground: Ground, trials: Sequence[ShapeTrial],
 def _with(pieces: Held[Piece], ground: Fit, item: ShapeTrial) -> Fit:
     """Fit the contender with everything else; weights follow the residual."""
     model = replace(ground.model, shapes=(*ground.model.shapes, item.term))
-    state = fit(pieces, model, ground.noise, passes=PASSES, block=ground.block)
-    for _ in range(REWEIGHTINGS):
-        state = fit(pieces, state.model, noise_of(state.about, state.linear), passes=PASSES, block=ground.block)
-    return state
+    return settled(pieces, fit(pieces, model, ground.noise, passes=PASSES, block=ground.block), PASSES)
 
 
 def explained_by(before: Fit, after: Fit) -> float:

@@ -91,11 +91,15 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """What all trials on one fit share: inverse of the normal matrix, block sums of the base's scores by piece."""
+    """What all trials on one fit share: inverse of the normal matrix, block sums of the base's scores by piece.
+
+    `left_out`: every run's weighted squares when predicted from all others, (r,).
+    """
 
     fit: Fit
     inverse: Floats
     base_scores: tuple[Floats, ...]
+    left_out: Floats
 
 
 ColumnsOf = Callable[[LinearPiece], Floats | None]
@@ -118,7 +122,8 @@ class Sums:
 def prepare(fit: Fit) -> Ground:
     """Compute what all trials on `fit` share."""
     A = fit.normal.A.sum(axis=0) + np.diag(fit.prior)
-    return Ground(fit, solve(A, np.eye(A.shape[0])), tuple(fit.linear.map(block_scores)))
+    left_out = fit.normal.leave_one_out(fit.prior, fit.pull)
+    return Ground(fit, solve(A, np.eye(A.shape[0])), tuple(fit.linear.map(block_scores)), left_out)
 
 
 def _sums(item: LinearPiece, columns: ColumnsOf) -> Sums | None:
@@ -221,7 +226,7 @@ def try_columns(ground: Ground, label: str, columns: ColumnsOf, *, ridge: float 
     summed = blocks.sum(axis=0)
     statistic = float(summed @ solve(blocks.T @ blocks, summed))
     shares, carrying = _where(fit, sums, projector.T @ amplitudes, amplitudes)
-    left, without = _leave_out(fit, cross, own, pull, ridge * np.diag(own.sum(axis=0)))
+    left, without = _leave_out(fit, cross, own, pull, ridge * np.diag(own.sum(axis=0))), ground.left_out
     total = float(without[carrying].sum())
     return Trial(
         label=label,
@@ -392,7 +397,7 @@ def _conditions(item: LinearPiece) -> Iterator[tuple[_Condition, NDArray[np.bool
         yield (equation, track.procedure, number), band == number
 
 
-def _leave_out(fit: Fit, cross: Floats, own: Floats, pull: Floats, ridge: Floats) -> tuple[Floats, Floats]:
+def _leave_out(fit: Fit, cross: Floats, own: Floats, pull: Floats, ridge: Floats) -> Floats:
     normal = fit.normal
     p, k = fit.columns.size, own.shape[1]
     A = np.zeros((len(normal.runs), p + k, p + k))
@@ -401,7 +406,7 @@ def _leave_out(fit: Fit, cross: Floats, own: Floats, pull: Floats, ridge: Floats
     g = np.concatenate([normal.g, pull], axis=1)
     joint = type(normal)(normal.runs, A, g, normal.squares)
     prior, slope = np.concatenate([fit.prior, ridge]), np.concatenate([fit.pull, np.zeros(k)])
-    return joint.leave_one_out(prior, slope), normal.leave_one_out(fit.prior, fit.pull)
+    return joint.leave_one_out(prior, slope)
 
 
 def line_at(kind: TermClass, order: float) -> ColumnsOf:

@@ -391,14 +391,21 @@ def _legs(speed: Floats, period: float) -> Floats:
     calm = (change < SPEED_BAND * size) & (size > 0.01 * size.max())
     edges = np.flatnonzero(np.diff(np.concatenate([[0], (calm * np.sign(speed)).astype(int), [0]])))
     cut = round(LEG_END / period)
+    least = 2 * cut + SHORTEST_LEG / period
     for first, last in itertools.pairwise(edges.tolist()):
         if not calm[first]:
             continue
         set_speed = float(np.median(speed[first:last]))
-        away = np.flatnonzero(np.abs(speed - set_speed) > SPEED_BAND * abs(set_speed))
-        place = int(np.searchsorted(away, first))
-        start = int(away[place - 1]) + 1 if place > 0 else 0
-        stop = int(away[place]) if place < away.size else speed.size
-        if stop - start >= 2 * cut + SHORTEST_LEG / period:
+        reach = int(least) + 1
+        start, stop = _within(speed, set_speed, first, max(first - reach, 0), min(first + reach, speed.size))
+        if stop - start >= least:  # of a sweep's many short stretches hardly one
+            start, stop = _within(speed, set_speed, first, 0, speed.size)
             found[start + cut : stop - cut] = set_speed
     return found
+
+
+def _within(speed: Floats, set_speed: float, place: int, low: int, high: int) -> tuple[int, int]:
+    """Give from where to where about `place`, between `low` and `high`, the speed stays within the band of a leg."""
+    away = np.abs(speed[low:high] - set_speed) > SPEED_BAND * abs(set_speed)
+    before, after = np.flatnonzero(away[: place - low]), np.flatnonzero(away[place - low :])
+    return low + int(before[-1]) + 1 if before.size else low, place + int(after[0]) if after.size else high
