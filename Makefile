@@ -52,7 +52,7 @@ campaign: $(STAMP) ## every row of "What a campaign establishes" in docs/effects
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -m campaign tests/rig
 
 CHALLENGE := runs/challenge
-challenge: $(STAMP) ## blind test: hidden effects, naming, errors, intervals (an hour; SMALL=1, SCALE=n, DEV=1, SEEDS=A:B)
+challenge: $(STAMP) ## blind test: hidden effects, naming, errors, intervals (two hours; SMALL=1, SCALE=n, DEV=1, SEEDS=A:B)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.challenge --workers 2 -o $(CHALLENGE) \
 		$(if $(SMALL),--small) $(if $(SCALE),--scale $(SCALE)) $(if $(DEV),--dev) $(if $(SEEDS),--seeds $(SEEDS))
 

@@ -12,7 +12,7 @@ from tests.challenge.run import lines_in, run_all
 from tests.challenge.table import report
 
 COUNTS = {"single": 62, "third": 62, "pair": 24, "outside": 30, "none": 64, "ambiguous": 26, "bench": 8}
-"""Cases of each family: an hour on two cores. Without a miss 73 decide a bar of 95 %, 189 one of 98 %: `--scale`."""
+"""Cases of each family: two hours on two cores. Without a miss 73 decide a bar of 95 %, 189 one of 98 %: `--scale`."""
 
 SMALL = {"single": 8, "third": 4, "pair": 2, "outside": 4, "none": 8, "ambiguous": 3, "bench": 1}
 """For a quick look, some minutes; far too few for a rate."""

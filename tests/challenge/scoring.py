@@ -18,7 +18,7 @@ NEAR_ORACLE = 1.05
 """Times the oracle's error that is allowed on the held-out runs."""
 
 NOT_WORSE = 1.02
-"""Times the error before: the sampling error of an rms of 2500 independent values is 1.4 %, twice that 2.8."""
+"""Times the error before: a little more than the sampling error of an rms of 2500 independent values, 1.4 %."""
 
 RIGHT, SET, EXTRA, ABSORBED, WRONG, MISSED, FAILED = "right", "in set", "extra", "absorbed", "wrong", "missed", "error"
 """How an answer is called."""

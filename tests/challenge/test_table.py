@@ -66,6 +66,7 @@ def test_every_noise_kind_has_its_own_bar():
     assert counted(lines, "nothing hidden, ar1") == (0, 1)
     claimed = line("none", "wrong", hidden=[], added=["cogging"])
     assert counted([*lines, claimed], "nothing hidden, any noise: nothing added") == (2, 3)
+    assert counted([*lines, claimed], "nothing hidden, any noise: silent") == (1, 3)
 
 
 def test_one_of_two_effects_is_not_both():
@@ -95,7 +96,18 @@ def test_an_error_above_the_oracles_in_any_equation_counts():
     lines = [line("single", "right", after_over_oracle={"torsion": 1.0, "motor-torque": 1.06}), line("third", "right")]
     lines.append(line("third", "right", after_over_without={"torsion": 1.06}))
     assert counted(lines, "held-out error") == (2, 3)
-    assert counted(lines, "the same, <= 1.05 x that of logs without") == (2, 3)
+    assert counted(lines, "those, <= 1.05 x the error of logs without") == (2, 3)
+
+
+def test_physics_outside_the_catalogue_counts_in_the_error_and_apart_from_it():
+    far = line("outside", "right", hidden=["gap"], added=["unnamed:time:static"], after_over_oracle={"torsion": 1.4})
+    nothing = line("outside", "missed", hidden=["gap"], after_over_before={"torsion": 1.0})
+    lines = [line("single", "right"), far, nothing]
+    assert counted(lines, "held-out error") == (2, 3)
+    assert counted(lines, "the same, effects of the catalogue alone") == (1, 1)
+    assert counted(lines, "physics outside the catalogue: held-out") == (2, 2)
+    assert counted(lines, "the same, where something was added") == (1, 1)
+    assert "| gap | right | unnamed:time:static | 1.40 |" in report(lines)
 
 
 def test_an_event_need_not_reach_the_oracle():
@@ -107,7 +119,7 @@ def test_a_refusal_is_no_right_answer_anywhere():
     refused = {"error": "a leak", "added": [], **ratios}
     lines = [line("outside", "error", **refused), line("single", "error", **refused)]
     assert counted(lines, "physics outside the catalogue: held-out") == (0, 1)
-    assert counted(lines, "held-out error") == (0, 1)
+    assert counted(lines, "held-out error") == (0, 2)
     assert "a leak" in report(lines)
 
 
@@ -119,6 +131,17 @@ def test_intervals_are_counted_over_all_cases_and_those_of_effects_and_base_apar
     assert counted(lines, "95 % intervals that hold the truth, all") == (1, 2)
     assert counted(lines, "95 % intervals that hold the truth, effects") == (0, 1)
     assert counted(lines, "95 % intervals that hold the truth, base") == (1, 1)
+
+
+def test_of_less_than_five_hundred_intervals_nothing_is_said():
+    def standing(count: int) -> str:
+        interval = {"of": "base", "name": "x", "truth": 1.0, "value": 1.5, "ci95": [1.0, 2.0]}
+        items = [{**interval, "inside": k % 20 > 0} for k in range(count)]
+        lines = [line("single", "right", parameters=items)]
+        return bar(lines, "95 % intervals that hold the truth, all").cells[-1]
+
+    assert standing(480) == "undecided"
+    assert standing(2000) == "met"
 
 
 def test_a_reader_that_stops_early_is_no_error(tmp_path: Path) -> None:

@@ -37,10 +37,13 @@ class Rate:
         half = Z / (1 + z2 / n) * math.sqrt(p * (1 - p) / n + z2 / (4 * n * n))
         return max(0.0, centre - half), min(1.0, centre + half)
 
-    def standing(self, least: float, most: float = 1.0) -> Standing:
-        """Give whether the rate lies between two bars, beside them, or whether the count cannot tell."""
+    def standing(self, least: float, most: float = 1.0, fewest: int = FEWEST) -> Standing:
+        """Give whether the rate lies between two bars, beside them, or whether the count cannot tell.
+
+        `fewest`: count below which nothing is said.
+        """
         low, high = self.interval
-        if self.count < FEWEST:
+        if self.count < fewest:
             return Standing.UNDECIDED
         if high < least or low > most:
             return Standing.NOT_MET

@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from rig.provenance import git_state
 from tests.challenge.cases import DEVELOPMENT, GROUPS, UNSEEN, Case, campaign_of, make_case
 from tests.challenge.expected import expected_of
 from tests.challenge.peers import narmax, sindy
 from tests.challenge.peers.columns import Floats, Prepared, Task, prepare_columns
-from tests.challenge.run import answer_of, lines_in
+from tests.challenge.run import answer_of, done, lines_in, processor_seconds
 from tests.challenge.scoring import RIGHT, naming_of
 from tests.challenge.sizes import as_runs, base_floor, floor_of, hide, logs_of
 from tests.independent.terms import Effects
@@ -44,9 +45,9 @@ def compare(family: str, seed: int) -> dict[str, Any]:
     with_it = base_floor(runs, held_out, dut)
     without = as_runs(campaign_of(case, Effects()).recordings())
     floor = _left(prepare_columns(without_it.fit, without, held_out, dut))
-    started = time.process_time()
+    started = processor_seconds()
     answer = json.loads(answer_of(runs, dut, held_out))
-    seconds = time.process_time() - started
+    seconds = processor_seconds() - started
     found: dict[str, Any] = {LOOP: REFUSED | {"seconds": seconds}}
     if "error" not in answer:
         after = {name: item["held_out"]["rms_after"] for name, item in answer["equations"].items()}
@@ -118,7 +119,8 @@ def report(lines: list[dict[str, Any]]) -> str:
             f"{np.median([f['seconds'] for both in some.values() for _, f in both]):.0f}" if lines else "-",
         ]
         rows.append(f"| {name} | " + " | ".join(cells) + " |")
-    return "\n".join(rows) + "\n"
+    codes = ", ".join(sorted({line.get("code", "unknown") for line in lines}))
+    return "\n".join([*rows, "", f"Answers of {codes}."]) + "\n"
 
 
 def _first(hidden: list[str], groups: list[str]) -> bool:
@@ -136,18 +138,19 @@ def main() -> None:
     folder = asked.table or asked.out
     folder.mkdir(parents=True, exist_ok=True)
     if asked.table is None:
-        done = {(line["family"], line["seed"]) for line in lines_in(folder)}
+        code = git_state()
+        known = done(folder, code)
         seeds = DEVELOPMENT if asked.dev else UNSEEN
         for family in asked.family or COUNTS:
             for k in range(max(1, round(asked.scale * COUNTS[family]))):
                 seed = _seed_of(family, seeds, k)
-                if (family, seed) in done:
+                if (family, seed) in known:
                     continue
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore")
                     line = compare(family, seed)
                 with (folder / "peers.jsonl").open("a") as file:
-                    file.write(json.dumps(line) + "\n")
+                    file.write(json.dumps(line | {"code": code}) + "\n")
                 print(line["hidden"], {name: item["groups"] for name, item in line["found"].items()}, flush=True)
     print(report(lines_in(folder)))
 
