@@ -74,7 +74,7 @@ def _places(runs: Sequence[Run], asked: Asked) -> tuple[_Places, tuple[str, ...]
         bench = ("--model", MODEL_PLACE)
         said = (f"{MODEL_PLACE} stands for the model that the bench ran: {'; '.join(ran)}.",)
     if benches != {load_bench("sim")[1]}:
-        bench = ("--bench", BENCH_PLACE)
+        bench = (*bench, "--bench", BENCH_PLACE)
         which = "none" if benches == {""} else "another than the simulated one"
         said += (f"{BENCH_PLACE} stands for your bench's file: the logs name {which}.",)
     device: tuple[str, ...] = ()

@@ -8,7 +8,7 @@ worth nothing; so a short run that suffices beats a long one that says more.
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,12 +42,16 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """The run that was chosen, how often, which pairs it tells apart, and the least of them in standard deviations."""
+    """The run that was chosen, how often, which pairs it tells apart, and the least of them in standard deviations.
+
+    `others`: pairs that other runs of the menu tell apart.
+    """
 
     offer: Offer
     repeat: int
     pairs: tuple[tuple[str, str], ...]
     sigma: float
+    others: frozenset[frozenset[str]] = frozenset()
 
     @property
     def minutes(self) -> float:
@@ -68,6 +72,7 @@ def choose(found: Contest, plans: Sequence[Plan], dut: Dut, never: Set[frozenset
     """
     rivals = found.in_question()
     best: tuple[float, Choice] | None = None
+    settled: set[frozenset[str]] = set()
     for plan in plans:
         noise = noise_to_come(found.without, [item.piece for item in plan.coming], dut)
         said = _forecasts((*rivals, rival_of("", found.without)), plan, noise)
@@ -76,9 +81,14 @@ def choose(found: Contest, plans: Sequence[Plan], dut: Dut, never: Set[frozenset
             continue
         for repeat in REPEATS:
             judged = _judged(found, plan.offer, repeat, said, nothing, never)
-            if judged is not None and (best is None or judged[0] > best[0] * (1.0 + 1e-9)):
+            if judged is None:
+                continue
+            settled |= {frozenset(pair) for pair in judged[1].pairs}
+            if best is None or judged[0] > best[0] * (1.0 + 1e-9):
                 best = judged
-    return None if best is None else best[1]
+    if best is None:
+        return None
+    return replace(best[1], others=frozenset(settled - {frozenset(pair) for pair in best[1].pairs}))
 
 
 def _forecasts(rivals: Iterable[Rival], plan: Plan, noise: Mapping[Kind, Noise]) -> dict[str, Forecast]:

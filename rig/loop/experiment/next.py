@@ -148,7 +148,7 @@ def _of_step(
     if "kinematic-error" in members and set(members) & set(SINGLE_ANGLE_SET) - {"kinematic-error"}:
         seen = final.pieces.keep(coarse).gather()
         plans = tuple(plan for plan in plans if _covers(seen, [item.piece for item in plan.coming]))
-    return _told(members, found, choose(found, plans, dut, never), bench, kind)
+    return experiment_of(members, found, choose(found, plans, dut, never))
 
 
 def _of_open(
@@ -165,7 +165,7 @@ def _of_open(
         if item.verdict is not Verdict.ABSORBED:
             found = replace(found, rivals=(*found.rivals, rival_of(NO_EFFECT, found.without)))
         chosen = choose(found, bench.plans, dut, {pair for pair in BY_HAND if not pair & TWINS.keys()})
-        return _told(item.group, found, chosen, bench, None)
+        return experiment_of(item.group, found, chosen)
     if item.group:
         return NextExperiment(_too_little(item.group), "")
     if "speeds" in item.evidence:
@@ -182,10 +182,8 @@ def _of_open(
     return _again(names, runs, bench)
 
 
-def _told(
-    members: Collection[str], found: Contest, chosen: Choice | None, bench: Bench, kind: TermClass | ShapeClass | None
-) -> NextExperiment:
-    """Say which run was chosen and what it does, and what remains for a change by hand."""
+def experiment_of(members: Collection[str], found: Contest, chosen: Choice | None) -> NextExperiment:
+    """Say which run was chosen and what it does, and what remains for other runs or a change by hand."""
     asked = [rival.effect for rival in found.in_question()]
     if chosen is None:
         return NextExperiment(by_hand(asked if len(asked) > 1 else list(members)), "")
@@ -196,8 +194,11 @@ def _told(
     settled = " and ".join(f"{_named(a)} from {_named(b)}" for a, b in chosen.pairs[:3])
     more = f" and {len(chosen.pairs) - 3} more pairs" if len(chosen.pairs) > 3 else ""
     why = f"{_sentence(chosen.offer.entry.varies)}: tells {settled}{more}."
-    if left:
-        why += f" {by_hand(sorted(set().union(*left)))}"
+    later = [pair for pair in left if pair in chosen.others]
+    if later:
+        texts = (" and ".join(_named(effect) for effect in sorted(pair)) for pair in later)
+        why += f" What remains of {'; '.join(texts)} another run tells: ask again with this one."
+    why += "".join(f" {by_hand(pair)}" for pair in left if pair not in chosen.others)
     return NextExperiment(why, chosen.command, chosen.sigma, chosen.minutes)
 
 

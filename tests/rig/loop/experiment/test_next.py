@@ -1,8 +1,11 @@
 """What is open, the next experiment closes: the command in `loop.json`, typed at the same bench, settles it."""
 
+from types import SimpleNamespace
+
 import pytest
 
-from rig.loop.experiment.next import by_hand
+from rig.loop.experiment.choice import Choice
+from rig.loop.experiment.next import by_hand, experiment_of
 from tests.rig.loop.experiment.hidden import loop, record, truth
 
 SINGLE_RATE = (
@@ -65,3 +68,20 @@ def test_where_nothing_is_known_that_tells_two_lines_apart_the_sentence_says_so(
         "No run of this bench tells a line in the torsion | the line as it is now: motor_position:periodic apart, and "
         "no change by hand is known that does."
     )
+
+
+@pytest.mark.parametrize("elsewhere", [True, False])
+def test_what_the_chosen_run_leaves_is_for_another_run_or_by_hand_only_where_no_run_does(elsewhere: bool) -> None:
+    rivals = [SimpleNamespace(effect=name) for name in ("backlash", "creep", "maxwell-slip")]
+    offer = SimpleNamespace(entry=SimpleNamespace(varies="rates"), minutes=2.0, command=lambda repeat: "rig run x")
+    left = frozenset({frozenset(("backlash", "maxwell-slip"))})
+    chosen = Choice(
+        offer, 1, (("backlash", "creep"), ("creep", "maxwell-slip")), 6.0, left if elsewhere else frozenset()
+    )
+    told = experiment_of(("backlash", "creep", "maxwell-slip"), SimpleNamespace(in_question=lambda: rivals), chosen)
+    assert told.command == "rig run x"
+    assert told.why.startswith("Rates: tells backlash from creep and creep from maxwell-slip.")
+    assert (
+        "What remains of backlash and maxwell-slip another run tells: ask again with this one." in told.why
+    ) == elsewhere
+    assert ("No run of this bench tells backlash | maxwell-slip apart" in told.why) != elsewhere
