@@ -112,8 +112,8 @@ def _by_pattern(runs: Sequence[Run], patterns: Sequence[str], warnings: list[str
         rule = f"matches none of the {len(runs)} runs: {_listed([run.name for run in runs])}"
         raise ConfigError("--held-out", [Mistake("pattern", pattern, rule) for pattern in idle])
     chosen = {run.name for run in runs if any(matches(run, pattern) for pattern in patterns)}
-    groups = {run.replicate for run in runs if run.name in chosen} - {None}
-    moved = [run for run in runs if run.replicate in groups and run.name not in chosen]
+    groups = {(run.procedure, run.replicate) for run in runs if run.name in chosen and run.replicate is not None}
+    moved = [run for run in runs if (run.procedure, run.replicate) in groups and run.name not in chosen]
     if moved:
         names = ", ".join(run.name for run in moved)
         warnings.append(f"Replicates stay on one side: held out as well: {names}.")

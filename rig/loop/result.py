@@ -230,14 +230,14 @@ class Replicates:
     """How like noise the residuals of a procedure's replicates are.
 
     `rho`: correlation of the smoothed residuals of a pair, `pairs` of them; `ljung_box`: statistic per lag, 1 of white
-    noise.
+    noise, None where the runs are too short for it.
     """
 
     equation: str
     procedure: str
     pairs: int
     rho: float
-    ljung_box: float
+    ljung_box: float | None
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,10 +43,12 @@ from rig.loop.statements.before_after import (
     BeforeAfter,
     before_and_after,
     equations_of,
+    no_better,
     refuse_leaks,
     untested,
 )
 from rig.loop.statements.events import events_of
+from rig.loop.statements.evidence import louder
 from rig.loop.statements.open_statements import open_statements
 from rig.loop.statements.remarks import doubts, far_from_prior, of_another_drive, remarks, unadded
 from rig.loop.statements.report_steps import model_of, steps_of
@@ -178,13 +180,14 @@ def _without_odd(measured: _Measured, found: _Searched, on_stage: Callable[[str]
     odd = odd_run(found.base)
     if odd is None:
         return found
-    said, left = _of_training(measured, found)
-    if not unexplained(said):
+    if not unexplained(_of_training(measured, found)[0]):
         return found
     on_stage(f"once more without {odd}")
     with suppress(DataError):  # the others alone may not make an equation
         without = _searched(measured, on_stage, odd)
-        said, less = _of_training(measured, without)
+        fastest = min(found.fastest, without.fastest)  # the same legs of both
+        _, left = _of_training(measured, replace(found, fastest=fastest))
+        said, less = _of_training(measured, replace(without, fastest=fastest))
         adds = any(not decision.given for decision in without.selection.decisions)
         if not adds and shows_nothing_else(said, odd) and fits_better(less, left):
             return without
@@ -217,7 +220,7 @@ def _result(measured: _Measured, found: _Searched, dead: Sequence[str]) -> LoopR
     calm = [pair.calm for pair in pairs]
     wrong = wrong_experiments(measured.known, found.fitted, calm, dut, final.model, found.odd)
     equations = equations_of(sides, dut, final.model, wrong.runs)
-    refuse_leaks(equations, campaign.held_out)
+    refuse_leaks(equations, campaign.held_out, {item.equation for item in louder(calm)})
     changes = {
         name: (item.held_out.rms_before, item.held_out.rms_after)
         for name, item in equations.items()
@@ -254,6 +257,7 @@ def _result(measured: _Measured, found: _Searched, dead: Sequence[str]) -> LoopR
             *unadded(selection),
             *_left_out(measured.known, measured.ratio, found.fastest),
             *untested(judged),
+            *(no_better(judged) if steps else []),
         ),
         elapsed=0.0,
         model=model,

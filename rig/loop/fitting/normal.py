@@ -166,6 +166,17 @@ class Normal:
         return left
 
 
+def joined(normal: Normal, names: Sequence[str]) -> Normal:
+    """Give the normal equations with the runs of one name, of `names` (r,), taken together."""
+    groups = tuple(dict.fromkeys(names))
+    rows = np.array([groups.index(name) for name in names])
+    size = normal.g.shape[1]
+    A, g, squares = np.zeros((len(groups), size, size)), np.zeros((len(groups), size)), np.zeros(len(groups))
+    for total, own in ((A, normal.A), (g, normal.g), (squares, normal.squares)):
+        np.add.at(total, rows, own)
+    return Normal(groups, A, g, squares)
+
+
 def side_by_side(columns: Sequence[Floats]) -> Floats:
     """Give columns (m,) as a matrix (m, k) that holds each in one piece of memory: sums along them take a tenth so."""
     return np.array(columns).T

@@ -3,6 +3,7 @@
 import numpy as np
 
 from rig.loop.fitting.fit import Fit, with_noise
+from rig.loop.fitting.normal import joined
 from rig.loop.search.trial import Trial
 
 FAMILIES = 4.0
@@ -66,14 +67,19 @@ def unpaid_by(trial: Trial) -> str:
     return "it makes the runs worse when they are left out, taken together" if trial.pays <= 0.0 else ""
 
 
-def pays_jointly(before: Fit, joint: Fit) -> bool:
+def pays_jointly(before: Fit, joint: Fit, *, replicates_together: bool = False) -> bool:
     """Whether a refitted term pays in leave-one-run-out, both sides weighted alike.
 
     In the runs that it changes: where it does not act, chance decides which of both predicts a run better.
+    `replicates_together`: they are left out as one, for what hardly changes within a run and is alike in them.
     """
     null = with_noise(before, joint.noise)
-    without = null.normal.leave_one_out(null.prior, null.pull)
-    left = joint.normal.leave_one_out(joint.prior, joint.pull)
+    sums = [null.normal, joint.normal]
+    if replicates_together:
+        names = {known.run: known.condition for known in joint.about}
+        sums = [joined(one, [names[run] for run in one.runs]) for one in sums]
+    without = sums[0].leave_one_out(null.prior, null.pull)
+    left = sums[1].leave_one_out(joint.prior, joint.pull)
     changed = np.abs(left - without) >= CHANGED * np.mean(np.abs(left - without))
     if changed.sum() < FEWEST_CHANGED or left.sum() >= without.sum():
         return False

@@ -88,6 +88,9 @@ SPEEDS = ("motor_velocity", "output_velocity")
 MODELLED = frozenset({*ANGLES, *SPEEDS, "output_torque", "motor_torque", TURNING_LOAD})
 """Signals that the model follows anyway; whatever else was recorded is tried as it stands."""
 
+WITHIN = 0.5
+"""Share of a signal's range in the campaign below which it hardly changes within a run."""
+
 MORE_THAN_A_COLUMN = 30.0
 """Gain by which each further value of a curve must pay for itself before it is compared with an effect."""
 
@@ -321,9 +324,28 @@ def _best_curve(
         p_value = min(1.0, 2.0 * min(p_value, second.single_p * candidate.tests))
         if p_value > alpha or objection(second.share, least, room=True):
             continue
-        if pays_jointly(current, joint) and consistent_shape(joint, len(joint.model.shapes) - 1):
+        together = _is_condition(whole, term.effect.variable)
+        if pays_jointly(current, joint, replicates_together=together) and consistent_shape(
+            joint, len(joint.model.shapes) - 1
+        ):
             return candidate, joint, p_value, trials
     return None
+
+
+def _is_condition(ground: Ground, variable: str) -> bool:
+    """Whether a signal beside those that the model follows hardly changes within a run, as a temperature.
+
+    It is alike in replicates then, and may do no more than tell them from all other runs.
+    """
+    if variable in MODELLED:
+        return False
+    ranges = np.array([pair for pair in ground.fit.linear.map(_range, variable) if pair is not None])
+    return bool(ranges.size and np.median(np.ptp(ranges, axis=1)) < WITHIN * np.ptp(ranges))
+
+
+def _range(item: LinearPiece, variable: str) -> tuple[float, float] | None:
+    values = item.evaluation.signals.get(variable)
+    return None if values is None else (float(values.min()), float(values.max()))
 
 
 def _with_best_knots(

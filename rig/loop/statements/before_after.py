@@ -10,12 +10,15 @@ from rig.config.dut import Dut
 from rig.log.run import Run
 from rig.loop.model.equations import Equation, pieces_of
 from rig.loop.model.prediction import Model
-from rig.loop.result import EquationResult, Errors
+from rig.loop.result import EquationResult, Errors, Json, Open, Verdict
 from rig.loop.search.followed import up_to
 from rig.loop.signals.tracks import Track
 from rig.loop.statements.events import Event, without_events
 from rig.loop.statements.floor import Floor, floor_of, pooled
 from rig.loop.statements.residuals import Residual, residual_of, rms
+
+WORSE, WORSE_PROCEDURE = 1.02, 1.1
+"""Times by which the held-out error of an equation, and of one procedure in it, may grow: the chance of a few runs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,13 +119,60 @@ def untested(equations: Mapping[str, EquationResult]) -> list[str]:
     return found
 
 
-def refuse_leaks(equations: dict[str, EquationResult], held_out: Sequence[Run]) -> None:
+def made_worse(equations: Mapping[str, EquationResult]) -> list[Open]:
+    """Say where what was added makes the held-out runs worse: in an equation, or in one procedure of it."""
+    found = []
+    for name, item in equations.items():
+        if item.held_out is None:
+            continue
+        if item.held_out.rms_after > WORSE * item.held_out.rms_before:
+            found.append(_worse(name, None, item.held_out))
+            continue
+        found += [
+            _worse(name, procedure, errors)
+            for procedure, errors in item.held_out.by_procedure.items()
+            if errors.rms_after > WORSE_PROCEDURE * errors.rms_before
+            and (errors.floor_ci95 is None or errors.rms_after > errors.floor_ci95[1])
+        ]
+    return found
+
+
+def _worse(equation: str, procedure: str | None, errors: Errors) -> Open:
+    place: dict[str, Json] = {"equation": equation}
+    if procedure is not None:
+        place["procedure"] = procedure
+    return Open(
+        verdict=Verdict.UNTRACED,
+        evidence={
+            **place,
+            "held_out_rms_before": errors.rms_before,
+            "held_out_rms_after": errors.rms_after,
+            "meaning": "what was added on the training runs makes the held-out runs worse",
+        },
+    )
+
+
+def no_better(equations: Mapping[str, EquationResult]) -> list[str]:
+    """Say that what was added lowers the held-out error of no equation."""
+    tested = [item.held_out for item in equations.values() if item.held_out is not None]
+    if not tested or any(errors.rms_after < errors.rms_before for errors in tested):
+        return []
+    return [
+        "What was added lowers no held-out error. The fitted runs alone speak for it, unless the base model takes it "
+        "up (a fixture that yields is a softer flexspline): hold out runs that show it, or record more."
+    ]
+
+
+def refuse_leaks(equations: Mapping[str, EquationResult], held_out: Sequence[Run], unlike: Set[str]) -> None:
     """Raise DataError where the held-out error lies below what noise alone leaves.
 
-    The procedures are looked at apart only where one of them has no floor, and with it the whole none.
+    The procedures are looked at apart only where one of them has no floor, and with it the whole none. `unlike`:
+    equations of which one run of a pair leaves far more than the other, so that their floor is no noise.
     """
     looked_at = []
     for name, item in equations.items():
+        if name in unlike:
+            continue
         if item.held_out is not None and item.held_out.floor_ci95 is not None:
             looked_at.append((name, item.unit, item.held_out))
         elif item.held_out is not None:

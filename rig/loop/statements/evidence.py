@@ -5,8 +5,9 @@ physics repeats. Source of the thresholds: synthetic campaigns with 13 repeatabl
 noise (rho < 0.11). Without a pair only a quiet dwell can tell coloured noise from structure.
 """
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,11 +15,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from rig.config.dut import Dut
+from rig.loop.fitting.normal import correlation_length
 from rig.loop.model.equations import Law, Piece
 from rig.loop.model.prediction import Model
 from rig.loop.statements.colour import SMOOTHING, means, slow_noise, slow_square
 from rig.loop.statements.dwells import quantisation_square
-from rig.loop.statements.residuals import Residual, aligned, pairs
+from rig.loop.statements.residuals import Residual, aligned, by_procedure, pairs
 
 Floats = NDArray[np.float64]
 
@@ -51,7 +53,7 @@ class Repeats:
     the runs of a pair share, `own` of what they do not; `allowance`: mean square of what instruments leave that may
     repeat as well; `own_slow`: mean square of the slow part that the runs do not share, `noise` what noise leaves of
     it, None without a dwell that tells its colour; `odd`: runs that leave much more than their replicate;
-    `ljung_box`: statistic per lag at 10 Hz.
+    `ljung_box`: statistic per lag at 10 Hz, None if not known.
     """
 
     equation: str
@@ -65,7 +67,7 @@ class Repeats:
     own_slow: float
     noise: float | None
     odd: tuple[str, ...]
-    ljung_box: float
+    ljung_box: float | None
 
     @property
     def structured(self) -> bool:
@@ -81,7 +83,7 @@ class Repeats:
 
 def repeats(residuals: Sequence[Residual], dut: Dut, model: Model) -> Repeats | None:
     """Judge the residuals of one equation and procedure; None without a replicate pair."""
-    rhos, squares, differences, slow, lengths, boxes = [], [], [], [], [], []
+    rhos, squares, differences, slow, lengths = [], [], [], [], []
     used: list[Residual] = []
     odd: list[str] = []
     for one, two in pairs(residuals):
@@ -101,7 +103,6 @@ def repeats(residuals: Sequence[Residual], dut: Dut, model: Model) -> Repeats | 
         differences.append(float(np.mean((a - b) ** 2)) / 2.0)
         slow.append(float(np.mean((apart - apart.mean() if one.piece.demeaned else apart) ** 2)) / 2.0)
         lengths.append(time.size / window)
-        boxes += [ljung_box(one), ljung_box(two)]
         used += [one, two]
         sizes = slow_square(one), slow_square(two)
         if max(sizes) > ODD * min(sizes):
@@ -122,9 +123,15 @@ def repeats(residuals: Sequence[Residual], dut: Dut, model: Model) -> Repeats | 
         own_slow=float(np.mean(slow)),
         noise=noise.square if noise.dwells else None,
         odd=tuple(dict.fromkeys(odd)),
-        ljung_box=float(np.mean(boxes)),
+        ljung_box=mean_ljung_box(used),
     )
 
+
+LOUDER, CERTAIN = 1.3, 6.0
+"""Times its replicate that a run must leave to be told, and standard deviations by which that is no chance."""
+
+SPREAD_OF_SIZE = 1.25
+"""Standard deviation over mean of the size of one value: 0.76 if normal, 1.21 of Student's t with three freedoms."""
 
 REMEMBERS = 10.0
 """Ljung-Box statistic per lag above which a residual without replicates is no white noise."""
@@ -139,7 +146,7 @@ class Memory:
 
     `slow`: rms of the residual's means over 0.5 s, in the equation's unit; `noise`: what noise and counts leave in
     it, of the colour that the dwells have, of none where there is no dwell (`dwells`); `ljung_box`: statistic per lag
-    at 10 Hz.
+    at 10 Hz, None if not known.
     """
 
     equation: str
@@ -148,12 +155,41 @@ class Memory:
     slow: float
     noise: float
     dwells: bool
-    ljung_box: float
+    ljung_box: float | None
 
     @property
     def structured(self) -> bool:
         """Whether the residual remembers more than its dwells, or at all where there is no dwell."""
-        return self.ljung_box > REMEMBERS and self.slow > (QUIETER if self.dwells else EXCESS) * self.noise
+        remembers = self.ljung_box is not None and self.ljung_box > REMEMBERS
+        return remembers and self.slow > (QUIETER if self.dwells else EXCESS) * self.noise
+
+
+@dataclass(frozen=True, slots=True)
+class Louder:
+    """A run that leaves `times` as much of one equation as its `replicate` does."""
+
+    equation: str
+    procedure: str
+    run: str
+    replicate: str
+    times: float
+
+
+def louder(residuals: Sequence[Residual]) -> list[Louder]:
+    """Give the runs that leave far more than their replicate, in size and not only in what is slow."""
+    found = []
+    for one, two in itertools.chain.from_iterable(map(pairs, by_procedure(residuals).values())):
+        sizes = [float(np.mean(np.abs(x.values))) if x.values.size else 0.0 for x in (one, two)]
+        if min(sizes) == 0.0:
+            continue
+        less, more = sorted(zip(sizes, (one, two), strict=True), key=lambda pair: pair[0])
+        unsure = SPREAD_OF_SIZE * math.sqrt(sum(correlation_length(x.values) / x.values.size for x in (one, two)))
+        times = more[0] / less[0]
+        if math.log(times) > max(math.log(LOUDER), CERTAIN * unsure):
+            piece = more[1].piece
+            place = piece.equation.value, piece.track.procedure.value
+            found.append(Louder(*place, piece.track.name, less[1].piece.track.name, times))
+    return found
 
 
 def memory(residuals: Sequence[Residual], dut: Dut, model: Model) -> Memory | None:
@@ -171,7 +207,7 @@ def memory(residuals: Sequence[Residual], dut: Dut, model: Model) -> Memory | No
         slow=math.sqrt(float(np.mean(slow**2))),
         noise=math.sqrt(noise.square + float(np.mean([_allowance(x.piece, dut, model.ratio) for x in long]))),
         dwells=noise.dwells,
-        ljung_box=float(np.mean([ljung_box(residual) for residual in long])),
+        ljung_box=mean_ljung_box(long),
     )
 
 
@@ -203,16 +239,25 @@ def _white(values: Floats) -> float:
     return float(np.mean(np.diff(values) ** 2)) / 2.0
 
 
-def ljung_box(residual: Residual) -> float:
-    """Give the Ljung-Box statistic per lag of the residual averaged to 10 Hz; about 1 for white noise."""
+def mean_ljung_box(residuals: Iterable[Residual]) -> float | None:
+    """Give the mean of `ljung_box` over those long enough for it; None where none is."""
+    found = [box for box in map(ljung_box, residuals) if box is not None]
+    return float(np.mean(found)) if found else None
+
+
+def ljung_box(residual: Residual) -> float | None:
+    """Give the Ljung-Box statistic per lag of the residual averaged to 10 Hz at most; about 1 for white noise.
+
+    None of a run too short for it, and of a residual that is zero.
+    """
     width = max(1, round(1.0 / (RATE * residual.piece.track.period)))
     count = residual.values.size // width
     if count < 3 * LAGS:
-        return 1.0
+        return None
     x = residual.values[: count * width].reshape(count, width).mean(axis=1)
     x = x - x.mean()
     power = float(x @ x)
     if power == 0.0:
-        return 1.0
+        return None
     total = sum((float(x[lag:] @ x[:-lag]) / power) ** 2 / (count - lag) for lag in range(1, LAGS + 1))
     return count * (count + 2) * total / LAGS

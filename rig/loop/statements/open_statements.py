@@ -19,12 +19,12 @@ from rig.loop.result import ABOVE_FLOOR, EquationResult, Json, Open, Verdict
 from rig.loop.search.acceptance import LEAST_IMPROVED, LEAST_SHAPE_SHARE
 from rig.loop.search.decision import Selection
 from rig.loop.search.groups import LEAST_SLOPE, QUOTIENT, SET_SHARE
-from rig.loop.statements.before_after import BeforeAfter
+from rig.loop.statements.before_after import BeforeAfter, made_worse
 from rig.loop.statements.channels import correlations
 from rig.loop.statements.colour import cleaned_away, slow_noise
 from rig.loop.statements.dwells import LEAST_DWELL, MEDIAN_TO_SIGMA, dwell_of, quantisation_square
 from rig.loop.statements.events import Event
-from rig.loop.statements.evidence import Memory, Repeats, memory, repeats
+from rig.loop.statements.evidence import Louder, Memory, Repeats, louder, memory, repeats
 from rig.loop.statements.hums import Hum, hum_of, without_hum
 from rig.loop.statements.report_steps import base_estimates
 from rig.loop.statements.residuals import Residual, by_procedure, pairs
@@ -40,9 +40,6 @@ SURE = 1e-4
 
 SURE_OF_MANY = 1e-7
 """The same for the best of all shapes at all points of their grids, some hundreds of tests."""
-
-WORSE = 1.02
-"""Times by which the held-out error may grow: so much is the chance of a few runs."""
 
 PLAYS = (Law.LOCKED, Law.BACKDRIVE)
 """Laws in which a play carries one torque to the other."""
@@ -70,7 +67,7 @@ def open_statements(
     found = [*_events(runs, events, used), *_left_over(calm[: len(train)], runs[: len(train)], dut, model, used)]
     if not any(events):  # the sum of steps looks like many things
         found += _shapes(selection)
-    found += _worse(selection, equations)
+    found += made_worse(equations) if selection.added else []
     known = {(item.evidence.get("equation"), item.evidence.get("procedure")) for item in found}
     found += [
         *_above_floor(calm[len(train) :], equations, known, dut, model),
@@ -166,6 +163,8 @@ def _left_over(
                 found.append(_untraced(judged))
             elif judged.unsteady:
                 found.append(_uncontrolled(judged, _channels(recorded, judged.equation, used)))
+            else:
+                found += map(_louder, louder(members))
             continue
         alone = memory(members, dut, model)
         if alone is not None and alone.structured:
@@ -188,6 +187,19 @@ def _uncontrolled(item: Repeats, channels: Json) -> Open:
             "channels": channels,
             "meaning": "the residual does not repeat between replicates, and is no noise of the colour that the dwells "
             "show: something acts that is not held, or an event",
+        },
+    )
+
+
+def _louder(item: Louder) -> Open:
+    return Open(
+        verdict=Verdict.UNCONTROLLED,
+        evidence={
+            "equation": item.equation,
+            "procedure": item.procedure,
+            "odd_runs": [item.run],
+            "replicates": f"{item.run} leaves {item.times:.2g} times what {item.replicate} does",
+            "meaning": f"{item.run} does not repeat {item.replicate}: something acted in one of them alone",
         },
     )
 
@@ -268,27 +280,6 @@ def _shapes(selection: Selection) -> list[Open]:
                 "meaning": "the residual follows this shape, but not so that it could be added",
             },
         )
-    ]
-
-
-def _worse(selection: Selection, equations: Mapping[str, EquationResult]) -> list[Open]:
-    """Lower the verdict if what was added makes the held-out runs worse."""
-    worse = {
-        name: item.held_out
-        for name, item in equations.items()
-        if selection.added and item.held_out is not None and item.held_out.rms_after > WORSE * item.held_out.rms_before
-    }
-    return [
-        Open(
-            verdict=Verdict.UNTRACED,
-            evidence={
-                "equation": name,
-                "held_out_rms_before": found.rms_before,
-                "held_out_rms_after": found.rms_after,
-                "meaning": "what was added on the training runs makes the held-out runs worse",
-            },
-        )
-        for name, found in worse.items()
     ]
 
 

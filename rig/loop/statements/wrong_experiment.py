@@ -147,7 +147,8 @@ def wrong_experiments(
         errors = [_error(residual, dut, model) for residual in members]
         by_run = {residual.piece.track.name: residual for residual in members}
         odd += [(item, by_run[item.run]) for item in unlike(errors)]
-        worse |= _worse([error for error in errors if beyond.get(error.run)], errors, {item.run for item in fitted})
+        outer = [error for error in errors if beyond.get(error.run)]
+        worse |= worse_than_fitted(outer, errors, {item.run for item in fitted})
     rest = [item for name, item in everyone.items() if name not in {one.run for one, _ in odd}]
     found: list[Unlike] = []
     statements = []
@@ -269,11 +270,10 @@ def unlike(errors: Sequence[Error]) -> tuple[Unlike, ...]:
     )
 
 
-def _worse(beyond: Sequence[Error], errors: Sequence[Error], fitted: Set[str]) -> set[str]:
-    """Give the runs, of those beyond the range of the fitted ones, whose slow error is larger than theirs."""
-    known = [error.slow for error in errors if error.run in fitted]
-    typical = float(np.median(known)) if known else 0.0
-    return {error.run for error in beyond if error.slow > max(WORSE * typical, ABOVE_NOISE * error.noise)}
+def worse_than_fitted(beyond: Sequence[Error], errors: Sequence[Error], fitted: Set[str]) -> set[str]:
+    """Give the runs, of those beyond the range of the fitted ones, whose slow error is larger than any of theirs."""
+    largest = max((error.slow for error in errors if error.run in fitted), default=0.0)
+    return {error.run for error in beyond if error.slow > max(WORSE * largest, ABOVE_NOISE * error.noise)}
 
 
 def inputs_of(track: Track) -> Inputs:

@@ -15,9 +15,8 @@ SIGNALS = {"motor_temperature", "motor_torque", "output_position", "output_torqu
 
 
 def test_every_key_of_the_code_has_its_words_and_every_one_with_words_is_in_the_code() -> None:
-    code = "".join(
-        (ROOT / "rig/loop/statements" / name).read_text() for name in ("open_statements.py", "wrong_experiment.py")
-    )
+    files = ("before_after.py", "open_statements.py", "wrong_experiment.py")
+    code = "".join((ROOT / "rig/loop/statements" / name).read_text() for name in files)
     used = set(re.findall(r'"([a-z_]+)": ', code)) - NESTED - SAID - SIGNALS
     assert used == set(KEYS)
 

@@ -12,7 +12,9 @@ from rig.loop.result import LoopResult, Verdict
 from rig.loop.trace import trace
 from tests.independent.campaign import Campaign, Plan
 from tests.independent.effects import Arm, Effects, Line
-from tests.rig.loop.runs import dut, runs_of, turning_run
+from tests.rig.loop.runs import dut, make_run, runs_of, turning_run
+
+pytestmark = pytest.mark.xdist_group("trace")  # what was traced is shared
 
 KINEMATIC = Effects(kinematic_error=(Line(2.0, 1e-4, 0.7),))
 COGGING = Effects(cogging=(Line(84.0, 3e-3, -1.0),))
@@ -149,6 +151,17 @@ def test_every_pattern_of_runs_to_hold_out_that_matches_none_is_told_with_the_ru
         split_runs(runs, LoopOptions(held_out=("b*", "run1", "c")))
     assert [mistake.value for mistake in caught.value.mistakes] == ["b*", "c"]
     assert caught.value.exit_code == 2
+
+
+def test_replicates_of_one_procedure_go_with_a_run_that_is_held_out_and_those_of_another_stay() -> None:
+    time, signals = np.arange(10) * 0.1, {"motor_position": np.zeros(10)}
+    runs = [
+        make_run(f"{procedure}-{k}", procedure, time, signals, replicate="A")
+        for procedure in ("locked-output", "backdrive")
+        for k in (1, 2)
+    ]
+    campaign = split_runs(runs, LoopOptions(held_out=("locked-output-1",)))
+    assert [run.name for run in campaign.held_out] == ["locked-output-1", "locked-output-2"]
 
 
 def test_a_fit_of_one_run_is_told_for_what_it_is() -> None:

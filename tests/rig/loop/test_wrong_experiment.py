@@ -7,9 +7,10 @@ import pytest
 
 from rig.log.run import Run
 from rig.loop.campaign import LoopOptions
+from rig.loop.model.equations import Equation
 from rig.loop.result import LoopResult, Verdict
 from rig.loop.signals.tracks import make_track
-from rig.loop.statements.wrong_experiment import inputs_of, outside
+from rig.loop.statements.wrong_experiment import Error, inputs_of, outside, worse_than_fitted
 from rig.loop.table import headline, text_of
 from rig.loop.trace import trace
 from tests.independent.campaign import Campaign, Plan
@@ -92,6 +93,18 @@ def test_held_out_runs_that_were_hotter_are_told_with_their_range_and_not_held_a
     assert errors is not None
     assert errors.floor_ci95 is not None
     assert errors.rms_after > errors.floor_ci95[1]  # the error itself is reported as it is
+
+
+@pytest.mark.parametrize(("slow", "excused"), [(2.0, False), (8.0, True)])
+def test_a_held_out_run_beyond_the_range_is_excused_only_where_it_is_worse_than_every_fitted_run(
+    slow: float, excused: bool
+) -> None:
+    def error(run: str, slow: float) -> Error:
+        return Error(run, None, Equation.MOTOR_TORQUE, "free-run", slow=slow, whole=slow, noise=0.01)
+
+    fitted = [error("a", 1.0), error("b", 1.0), error("c", 1.0), error("d", 5.0)]
+    odd = error("e", slow)
+    assert worse_than_fitted([odd], [*fitted, odd], set("abcd")) == ({"e"} if excused else set())
 
 
 def hotter(run: Run) -> Run:

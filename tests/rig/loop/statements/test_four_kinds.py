@@ -14,11 +14,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rig.loop.model.equations import pieces_of
+from rig.loop.signals.tracks import make_track
 from rig.loop.statements.events import events_of, without_events
-from rig.loop.statements.evidence import repeats
+from rig.loop.statements.evidence import ljung_box, louder, repeats
+from rig.loop.statements.residuals import Residual
 from tests.independent.instruments import NoiseKind
 from tests.independent.terms import Effects, Line, term
-from tests.rig.loop.runs import as_run, dut
+from tests.rig.loop.runs import as_run, dut, turning_run
 from tests.rig.loop.statements.left import by_place, changed, left_of, recorded
 
 COUNT = 2.0 * math.pi / 16384
@@ -42,7 +45,9 @@ def judged(recordings):
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("noise", list(NoiseKind))
 def test_noise_of_any_colour_is_noise(noise, seed):
-    assert judged(recorded(seed, noise)) == (set(), set(), [])
+    recordings = recorded(seed, noise)
+    assert judged(recordings) == (set(), set(), [])
+    assert louder(left_of(recordings)[0]) == []
 
 
 @pytest.mark.parametrize(
@@ -148,3 +153,14 @@ def test_the_counts_of_a_reading_that_stands_are_no_events():
     ]
     residuals, model = left_of(runs)
     assert not any(events_of(residuals[:1], dut(), model))
+
+
+def test_of_a_run_too_short_for_it_no_memory_is_given() -> None:
+    values = np.random.default_rng(2).standard_normal(2000)
+    run = turning_run("a", 1)
+    piece = pieces_of(make_track(run, dut()), 100.0)[0]
+    time = piece.track.period * np.arange(values.size)
+    box = ljung_box(Residual(piece, time, values))
+    assert box == pytest.approx(1.0, abs=0.7)
+    few = round(5.0 / piece.track.period)
+    assert ljung_box(Residual(piece, time[:few], values[:few])) is None

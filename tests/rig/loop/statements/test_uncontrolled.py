@@ -44,6 +44,37 @@ def test_an_odd_run_of_no_procedure_is_told_without_a_command_that_repeats_it():
     assert "free-run-01b is the odd one" in told.next_experiment.why
 
 
+@pytest.mark.parametrize("size", [5e-4, 3e-3], ids=["twice the noise", "ten times the noise"])
+def test_a_run_in_which_something_fast_acts_that_its_replicate_lacks_is_named_and_no_leak(size):
+    made = recorded(23)
+    runs = []
+    for item in made:
+        run = as_run(item)
+        if item.name == "free-run-01a":
+            cogging = size * np.sin(14.0 * run.signals["motor_position"])
+            run = changed(run, "motor_torque", lambda _, cogging=cogging: cogging)
+        runs.append(run)
+    result = trace(runs, dut(), LoopOptions(held_out=held_out(made)))
+    assert (result.verdict, result.effects) == (Verdict.UNCONTROLLED, ())
+    (told,) = (item for item in result.open if item.evidence.get("equation") == "motor-torque")
+    assert told.evidence["odd_runs"] == ["free-run-01a"]
+    assert "free-run-01b" in str(told.evidence["replicates"])
+
+
+def test_a_torque_sensor_whose_zero_differs_from_run_to_run_makes_no_effect_of_the_temperature():
+    made, rng = recorded(24), np.random.default_rng(1)
+    zeros = 0.02 * rng.standard_normal(len(made))
+    runs = [
+        changed(as_run(item), "output_torque", lambda t, zero=zero: np.full(t.size, zero))
+        for item, zero in zip(made, zeros, strict=True)
+    ]
+    result = trace(runs, dut(), LoopOptions(held_out=held_out(made)))
+    assert (result.verdict, result.effects) == (Verdict.UNCONTROLLED, ())
+    held = result.equations["motor-torque"].held_out
+    assert held is not None
+    assert held.rms_after < 1.02 * held.rms_before
+
+
 def test_a_run_that_lost_counts_is_named_with_time_and_counts_and_is_to_be_repeated():
     made = recorded(21)
     runs = []
