@@ -90,15 +90,15 @@ def missing_times(time: Floats) -> Floats:
     return np.concatenate(parts)
 
 
-def in_long_gaps(run: Run) -> Flags:
-    """Tell which rows (n,) of a filled run stand in a gap so long that a sweep may have turned in it."""
-    lacking = np.all(
-        [~np.isfinite(values) for values in run.signals.values()] or [np.zeros(run.time.size, bool)], axis=0
-    )
-    found = np.zeros(run.time.size, dtype=bool)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], lacking.astype(int), [0]])))
+def in_long_gaps(time: Floats, known: Flags) -> Flags:
+    """Tell which rows (n,) of a filled run stand in a gap of a torque so long that its sweep may have turned in it.
+
+    `known` (n,): the rows in which that torque is known; it may be missing alone, or with the whole row.
+    """
+    found = np.zeros(time.size, dtype=bool)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], (~known).astype(int), [0]])))
     for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        found[start:stop] = run.time[stop - 1] - run.time[start] > TURNED
+        found[start:stop] = time[stop - 1] - time[start] > TURNED
     return found
 
 

@@ -140,6 +140,7 @@ def make_track(run: Run, dut: Dut) -> Track:
     sense = -1.0 if dut.gear.rotation is Rotation.SAME else 1.0
     period = run.period
     usable = np.ones(run.time.size, dtype=bool)
+    known: dict[str, Flags] = {}
 
     def signal(name: str, factor: float = 1.0) -> Floats | None:
         values = run.signals.get(name)
@@ -148,8 +149,9 @@ def make_track(run: Run, dut: Dut) -> Track:
         if values is None or not np.any(np.isfinite(values)):
             return None
         good = np.isfinite(values)
+        known[name] = known_between(good)
         if not good.all():
-            usable[~known_between(good)] = False
+            usable[~known[name]] = False
             values = between(run.time, values, good, noisy=name not in ANGLES)
         return factor * np.asarray(values, dtype=float)
 
@@ -160,10 +162,10 @@ def make_track(run: Run, dut: Dut) -> Track:
     for flags in cut.values():
         usable &= ~flags
     if run.procedure in SWEEPS:
-        unseen = in_long_gaps(run)
         swept = {"output_torque": output_torque, "motor_torque": motor_torque, "motor_current": current}
         for name, values in swept.items():
             if values is not None:
+                unseen = in_long_gaps(run.time, known[name])
                 usable &= ~doubtful_after(values, unseen | cut.get(name, unseen))
     if current is not None and dut.motor.torque_constant is not None:
         motor_torque, current = dut.motor.torque_constant * current, None

@@ -81,6 +81,23 @@ def test_rows_that_are_there_stay_as_they_are_and_the_others_are_not_usable() ->
     assert track.usable[there].all()
 
 
+@pytest.mark.parametrize(("procedure", "swept"), [("backdrive", "output_torque"), ("locked-output", "motor_torque")])
+@pytest.mark.parametrize("whole_rows", [False, True])
+def test_after_a_gap_a_sweep_counts_again_once_its_torque_has_moved_a_quarter_of_its_range(
+    procedure: str, swept: str, whole_rows: bool
+) -> None:
+    time = np.arange(0.0, 40.0, 0.01)
+    rng = np.random.default_rng(1)
+    torque = np.interp(time, [0, 10, 30, 40], [0, 8, -8, 0]) + 1e-3 * rng.standard_normal(time.size)
+    signals = {swept: torque, "motor_position": 1e-5 * rng.standard_normal(time.size)}
+    gap = (time > 8.0) & (time < 14.0)
+    run = make_run("a", procedure, time, {**signals, swept: np.where(gap, np.nan, torque)})
+    track = make_track(rows(run, ~gap) if whole_rows else run, dut())
+    # 4.8 N*m at the end of the gap, less a quarter of 14.4 N*m, is reached at 18.5 s
+    assert not track.usable[(track.time > 8.0) & (track.time < 18.4)].any()
+    assert track.usable[(track.time <= 8.0) | (track.time > 18.6)].all()
+
+
 def test_a_channel_that_is_held_between_readings_is_its_readings() -> None:
     noisy = np.random.default_rng(1).standard_normal(100)
     found = unheld(np.repeat(noisy, 5))
