@@ -47,7 +47,8 @@ LETS_GO = {ProcedureName.LOCKED_OUTPUT: "motor_position", ProcedureName.BACKDRIV
 DEGREES = 180.0 / np.pi
 
 LEAST_JUMP, JUMP, STEPS_AROUND, GAP = 0.1, 10.0, 9, 0.3
-"""rad of a jump at least, times the median of the steps around it, of how many; and s that are a gap, not a step."""
+"""rad of a jump at least, times the way at the median speed of the steps around it, of how many; and s that are a gap,
+not a step."""
 
 NEARLY_WHOLE = 1e-5
 """Relative distance of a measured ratio from a whole number, below which it is that number: teeth are counted."""
@@ -217,14 +218,16 @@ def check_jumps(runs: Sequence[Run]) -> None:
         for name in ANGLES:
             if name not in run.signals:
                 continue
-            at = _jumps(run.time, run.signals[name])
+            good = np.isfinite(run.signals[name])
+            time, angle = run.time[good], run.signals[name][good]
+            at = _jumps(time, angle)
             if not at.size:
                 continue
-            step = float(run.signals[name][at[0] + 1] - run.signals[name][at[0]])
+            step = float(angle[at[0] + 1] - angle[at[0]])
             wraps = abs(abs(step) / (2.0 * np.pi) - 1.0) < OTHER_RATIO
             raise DataError(
                 str(run.file),
-                f"{name} jumps by {step:.4g} rad at {run.time[at[0]]:.6g} s, {counted(at.size, 'time')} in this run",
+                f"{name} jumps by {step:.4g} rad at {time[at[0]]:.6g} s, {counted(at.size, 'time')} in this run",
                 column=name,
                 value=step,
                 expected="an angle that goes on from sample to sample, over full turns too",
@@ -235,15 +238,17 @@ def check_jumps(runs: Sequence[Run]) -> None:
 
 
 def _jumps(time: Floats, angle: Floats) -> NDArray[np.intp]:
-    """Give the samples after which an angle steps by far more than its speed around them lets it."""
+    """Give the samples after which an angle (n,), without missing values, steps by far more than its speed lets it.
+
+    It may go as much further over missing samples as they last longer than one step.
+    """
     if angle.size < FEWEST_SAMPLES:
         return np.zeros(0, dtype=np.intp)
     apart = np.diff(time)
-    way = np.nan_to_num(np.diff(angle))
-    speed = median_filter(way / np.maximum(apart, 1e-12), STEPS_AROUND, mode="nearest")
-    off = np.abs(way - speed * apart)
-    around = median_filter(np.abs(way), STEPS_AROUND, mode="nearest")
-    return np.flatnonzero((off > np.maximum(LEAST_JUMP, JUMP * around)) & (apart < GAP))
+    speed = np.diff(angle) / np.maximum(apart, 1e-12)
+    off = np.abs(speed - median_filter(speed, STEPS_AROUND, mode="nearest")) * apart
+    usual = median_filter(np.abs(speed), STEPS_AROUND, mode="nearest") * np.maximum(apart, np.median(apart))
+    return np.flatnonzero((off > np.maximum(LEAST_JUMP, JUMP * usual)) & (apart < GAP))
 
 
 def check_signs(tracks: Sequence[Track], ratio: float | None) -> None:

@@ -14,7 +14,7 @@ from rig.cli import app
 from rig.log.run import Run
 from rig.loop.campaign import LoopOptions, split_runs
 from rig.loop.result import LoopResult, Verdict
-from rig.loop.signals.checks import check_gear, check_signs, check_torques, torque_factor
+from rig.loop.signals.checks import check_gear, check_jumps, check_signs, check_torques, torque_factor
 from rig.loop.signals.living import living
 from rig.loop.signals.tracks import make_track
 from rig.loop.trace import trace
@@ -344,6 +344,29 @@ def test_an_angle_that_jumps_is_refused_with_the_moment() -> None:
 
     with pytest.raises(DataError, match=r"locked-output-03.*motor_position jumps by 0\.50.* rad at 20 s, 1 time"):
         trace(one_spoiled("locked-output-03", jump), dut(DUT), LoopOptions())
+
+
+def lacking(run: Run, share: float) -> Run:
+    """Give a run in which a share of the motor's angles is missing, anywhere."""
+    missing = np.random.default_rng(1).random(run.time.size) < share
+    angle = np.where(missing, np.nan, run.signals["motor_position"])
+    return replace(run, signals={**run.signals, "motor_position": angle})
+
+
+@pytest.mark.parametrize("share", [0.03, 0.3])
+def test_an_angle_that_goes_on_over_missing_samples_does_not_jump(share: float) -> None:
+    check_jumps([lacking(turning_run("a", 1, speed=60.0), share)])
+
+
+@pytest.mark.parametrize("share", [0.03, 0.3])
+@pytest.mark.parametrize(("speed", "step"), [(0.5, 0.5), (20.0, 40.0)])
+def test_an_angle_that_jumps_over_a_missing_sample_is_refused(share: float, speed: float, step: float) -> None:
+    run = turning_run("a", 1, speed)
+    moved = run.signals["motor_position"] + np.where(run.time >= 8.0, step, 0.0)
+    run = lacking(replace(run, signals={**run.signals, "motor_position": moved}), share)
+    run.signals["motor_position"][np.abs(run.time - 8.0) < 0.015] = np.nan
+    with pytest.raises(DataError, match=r"motor_position jumps by .* rad at 7\.9\d s, 1 time in this run"):
+        check_jumps([run])
 
 
 @pytest.mark.timeout(300)
