@@ -1,9 +1,13 @@
 """Is each run a recording of its own, long enough, with a plausible time? Looked at before anything is made of it."""
 
+import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass
 from hashlib import blake2b
+from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drivers.errors import DataError
 from rig.log.run import Run
@@ -14,15 +18,23 @@ FEWEST_SAMPLES = 20
 FEWEST_VALUES = 100
 """Different values of a signal that no two recordings share by chance; a held encoder gives one count over and over."""
 
+PROBES, MOST, NEARLY_ALL = 300, 0.5, 0.999
+"""Samples of the shorter of two runs that are looked up first in the longer one, the share of all of them, and of those
+in its time, that it has if both are one recording: two runs of commanded torques and encoder counts may share many."""
+
+SPREAD = np.uint64(0x9E3779B97F4A7C15)
+"""2^64 over the golden ratio: multiplied by it, values that differ in few bits differ in many."""
+
 SHORTEST_INTERVAL = 1e-6
 """s between samples; no bench samples faster, so that below it the unit of the time is wrong."""
 
 
 def check_recordings(runs: Sequence[Run]) -> None:
-    """Raise DataError for a time in another unit, and for a recording that is there under two names."""
+    """Raise DataError for a time in another unit, and for a recording that is there twice, whole or in part."""
     for run in runs:
         _check_interval(run)
     _check_copies(runs)
+    _check_parts(runs)
 
 
 def too_short(runs: Sequence[Run]) -> tuple[str, ...]:
@@ -67,3 +79,54 @@ def _content(run: Run) -> bytes:
         digest.update(name.encode())
         digest.update(np.ascontiguousarray(run.signals[name]).tobytes())
     return digest.digest()
+
+
+def _check_parts(runs: Sequence[Run]) -> None:
+    """Raise DataError for two runs of which the longer has most samples of the shorter: nearly all, while both last."""
+    known = sorted((_Distinct.of(run) for run in runs), key=lambda samples: samples.keys.size)
+    for part, whole in itertools.combinations(known, 2):
+        count = part.keys.size
+        if count < FEWEST_VALUES or part.run.signals.keys() != whole.run.signals.keys():
+            continue
+        if not part.shared(whole, PROBES) or not (shared := part.shared(whole, count)):
+            continue
+        raise DataError(
+            f"{part.run.name}, {whole.run.name}",
+            f"the two runs are of one recording: {shared} of the {count} distinct samples of {part.run.name} are in "
+            f"{whole.run.name} too, all signals equal and as far apart in time",
+            expected="every recording once: a part of it is no replicate, and held out it tells nothing",
+            hint=f"Remove {part.run.file.name}, or give the log that was meant.",
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Distinct:
+    """The samples of a run whose signals are equal to no other's: `keys` (n,), sorted, and their `time` (n,) in s."""
+
+    run: Run
+    keys: NDArray[np.uint64]
+    time: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, run: Run) -> Self:
+        """Give those of `run`; each key is a hash of all signals, so that they are in no order of time."""
+        keys = np.zeros(run.time.size, dtype=np.uint64)
+        for name in sorted(run.signals):
+            keys = (keys ^ np.ascontiguousarray(run.signals[name], dtype=float).view(np.uint64)) * SPREAD
+            keys ^= keys >> np.uint64(32)
+        order = np.argsort(keys)
+        changes = np.concatenate([[True], np.diff(keys[order]) != 0, [True]])
+        alone = order[changes[1:] & changes[:-1]]
+        return cls(run, keys[alone], run.time[alone])
+
+    def shared(self, other: Self, count: int) -> int:
+        """Give how many of the first `count` samples `other` has too, all as much earlier or later; 0 unless most."""
+        keys, time = self.keys[:count], self.time[:count]
+        at = np.searchsorted(other.keys, keys).clip(max=other.keys.size - 1)
+        later = (time - other.time[at])[other.keys[at] == keys]
+        if later.size < MOST * keys.size:
+            return 0
+        shift = float(np.median(later))
+        shared = int(np.count_nonzero(np.abs(later - shift) < 0.5 * self.run.period))
+        both_last = (time >= other.time.min() + shift) & (time <= other.time.max() + shift)
+        return shared if shared >= max(MOST * keys.size, NEARLY_ALL * np.count_nonzero(both_last)) else 0

@@ -76,6 +76,62 @@ def test_one_recording_under_two_names_is_refused_with_both(replicate: str | Non
     assert "Remove c.csv" in str(caught.value)
 
 
+def part_of(run: Run, rows: slice) -> Run:
+    signals = {name: values[rows] for name, values in run.signals.items()}
+    return replace(
+        run, name="c", file=run.file.with_name("c.csv"), time=run.time[rows] - run.time[rows][0], signals=signals
+    )
+
+
+@pytest.mark.parametrize(
+    ("rows", "count"), [(slice(50, None), 2350), (slice(None, 1500), 1500), (slice(None, None, 2), 1200)]
+)
+def test_a_part_of_a_recording_beside_the_whole_is_refused_with_both(rows: slice, count: int) -> None:
+    run = turning_run("a", 1)
+    torque = run.signals["output_torque"].copy()
+    torque[::100] = np.nan
+    run = replace(run, signals={**run.signals, "output_torque": torque})
+    said = f"c, a: the two runs are of one recording: {count} of the {count} distinct samples of c are in a too"
+    with pytest.raises(DataError, match=said) as caught:
+        trace([run, turning_run("b", 2), part_of(run, rows)], dut(), LoopOptions(held_out=("c",)))
+    assert "Remove c.csv" in str(caught.value)
+
+
+def test_two_parts_of_one_recording_that_overlap_are_refused() -> None:
+    run = turning_run("a", 1)
+    with pytest.raises(DataError, match=r"1800 of the 2100 distinct samples"):
+        check_recordings([part_of(run, slice(None, 2100)), part_of(run, slice(300, None))])
+
+
+@pytest.mark.parametrize("speed", [0.05, 1.0, 20.0])
+@pytest.mark.parametrize("channels", [("motor_position", "output_position"), ("motor_position", "motor_torque")])
+def test_replicates_whose_channels_are_counts_are_no_parts_of_each_other(
+    speed: float, channels: tuple[str, ...]
+) -> None:
+    def counted(name: str, seed: int) -> Run:
+        run = turning_run(name, seed, speed)
+        noise = 1e-4 * np.random.default_rng(seed).standard_normal(run.time.size)
+        motor = np.floor((run.signals["motor_position"] + noise) / 1e-3)
+        output = np.floor(run.signals["output_position"] / 1e-4)
+        torque = np.round(run.signals["motor_torque"] / 1e-3)
+        signals = {"motor_position": motor, "output_position": output, "motor_torque": torque}
+        return replace(run, signals={channel: signals[channel] for channel in channels})
+
+    check_recordings([counted("a", 1), part_of(counted("b", 2), slice(50, None))])
+
+
+def test_replicates_of_a_commanded_torque_and_a_coarse_encoder_are_no_parts_of_each_other() -> None:
+    time = np.arange(0.0, 40.0, 0.01)
+    torque = np.interp(time, [0.0, 10.0, 30.0, 40.0], [0.0, 8.0, -8.0, 0.0])
+
+    def sweep(name: str, seed: int) -> Run:
+        noise = 1e-5 * np.random.default_rng(seed).standard_normal(time.size)
+        output = np.floor((1e-2 * np.sin(time / 7.0) + noise) / 1.5e-3)
+        return make_run(name, "backdrive", time, {"output_torque": torque, "output_position": output})
+
+    check_recordings([sweep("a", 1), part_of(sweep("b", 2), slice(None, 3800))])
+
+
 def test_two_runs_of_a_held_encoder_alone_are_no_copies() -> None:
     time = np.arange(0.0, 30.0, 0.01)
     held = {"motor_position": np.zeros(time.size), "output_position": np.floor(2.0 + np.sin(time))}
