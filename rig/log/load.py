@@ -27,6 +27,7 @@ MOST_SAMPLES = 3_000_000
 def load_runs(paths: Iterable[Path], most_samples: int | None = None) -> tuple[Run, ...]:
     """Read files and folders; a folder stands for all `.mcap` and `.csv` files directly in it, sorted by name.
 
+    Hidden files, whose name begins with a dot, count only where they are named themselves.
     Runs of several folders that share a name are called by their folder too, and so are their replicate groups: two
     days are two campaigns. `most_samples`: where the logs hold more, means over samples are kept of the largest ones,
     see `Run.averaged`; None: everything is kept. Raises DataError if a path does not exist, is of another kind, a
@@ -94,10 +95,11 @@ def one_log(path: Path) -> Path:
 
 
 def logs_in(folder: Path) -> list[Path]:
-    """Give the logs directly in a folder, sorted by name; none where there is no such folder."""
+    """Give the logs directly in a folder, sorted by name, but for hidden files; none where there is no such folder."""
     if not folder.is_dir():
         return []
-    return sorted(file for file in folder.iterdir() if file.suffix.lower() in READERS and file.is_file())
+    shown = (file for file in folder.iterdir() if not file.name.startswith("."))
+    return sorted(file for file in shown if file.suffix.lower() in READERS and file.is_file())
 
 
 def _files(path: Path) -> list[Path]:

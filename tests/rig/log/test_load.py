@@ -20,6 +20,14 @@ def test_a_folder_stands_for_its_runs_in_order_of_their_names(tmp_path: Path) ->
     assert [run.name for run in load_runs([tmp_path])] == ["a", "b"]
 
 
+def test_hidden_files_of_a_folder_are_no_runs_unless_they_are_named(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(CSV)
+    (tmp_path / "._a.csv").write_bytes(b"\0\5\x16\7 Mac OS X")
+    (tmp_path / ".b.csv").write_text(CSV)
+    assert [run.name for run in load_runs([tmp_path])] == ["a"]
+    assert [run.name for run in load_runs([tmp_path / ".b.csv"])] == [".b"]
+
+
 def test_a_file_named_twice_is_read_once(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(CSV)
     assert len(load_runs([tmp_path, tmp_path / "a.csv", tmp_path / "." / "a.csv"])) == 1
