@@ -53,12 +53,19 @@ def run_page(runs: Sequence[tuple[Run, Dut | None]], software: str) -> str:
 
 def statement(runs: Sequence[Run]) -> str:
     """Say in one sentence what was run and how it ended."""
-    bad = [f"{run.name}: {run.ending}" for run in runs if run.ending is not None]
     procedures = listed(list(dict.fromkeys(run.procedure.value for run in runs)))
     if len(runs) == 1:
-        return f"{runs[0].name}, {procedures}: {runs[0].ending or 'the run went as planned'}."
-    ended = f"; {'; '.join(bad)}" if bad else ", all as planned"
+        return f"{runs[0].name}, {procedures}: {_ended(runs[0])}."
+    told = [f"{run.name}: {run.ending}" for run in runs if run.ending is not None]
+    unknown = sum(run.ending is None and run.status is None for run in runs)
+    if unknown:
+        told.append(f"how {'they' if unknown == len(runs) else f'{unknown} of them'} ended was not recorded")
+    ended = f"; {'; '.join(told)}" if told else ", all as planned"
     return f"{counted(len(runs), 'run')} of {procedures}{ended}."
+
+
+def _ended(run: Run) -> str:
+    return run.ending or ("how the run ended was not recorded" if run.status is None else "the run went as planned")
 
 
 def _section(run: Run, dut: Dut | None, number: int, alone: bool) -> Markup:
@@ -67,7 +74,7 @@ def _section(run: Run, dut: Dut | None, number: int, alone: bool) -> Markup:
     return section(
         run.name,
         f"run{number}",
-        element("p", f"{run.procedure.value}: {run.ending or 'went as planned'}."),
+        element("p", f"{run.procedure.value}: {_ended(run)}."),
         _measured(measured, run.name) if measured else element("p", "The log holds no measurements."),
         element("div", *figures, class_="figures") if figures else None,
         _notes(run),

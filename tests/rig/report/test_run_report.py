@@ -66,6 +66,17 @@ def test_a_run_that_went_wrong_says_so_first() -> None:
     assert statement([sweep(), sweep("other")]) == "2 runs of locked-output, all as planned."
 
 
+def test_how_a_run_ended_is_not_known_where_its_log_does_not_tell() -> None:
+    told, untold = sweep(), sweep("csv", **{"outcome.status": ""})
+    bad = sweep("bad", **{"outcome.status": "aborted"})
+    assert statement([untold]) == "csv, locked-output: how the run ended was not recorded."
+    assert "planned" not in outline(untold).text
+    assert statement([untold, untold]) == "2 runs of locked-output; how they ended was not recorded."
+    assert statement([told, untold, bad]) == (
+        "3 runs of locked-output; bad: the run was aborted; how 1 of them ended was not recorded."
+    )
+
+
 @pytest.mark.parametrize("name", HOSTILE)
 def test_no_name_from_a_log_becomes_markup(name: str) -> None:
     events = (RunEvent(1.0, name, name),)
@@ -100,7 +111,10 @@ def test_the_report_of_a_log_lies_beside_it_and_that_of_a_folder_within(tmp_path
     answer = rig("report", tmp_path / "a.csv", tmp_path)
     assert answer.exit_code == 0, answer.stderr
     assert answer.stdout.split() == [str(tmp_path / "a.html"), str(tmp_path / "report.html")]
-    assert "a, other: the run went as planned" in Outline((tmp_path / "a.html").read_text(encoding="utf-8")).text
+    assert (
+        "a, other: how the run ended was not recorded"
+        in Outline((tmp_path / "a.html").read_text(encoding="utf-8")).text
+    )
 
 
 def test_an_unreadable_log_is_an_error_of_the_log(tmp_path: Path) -> None:
