@@ -1,8 +1,10 @@
 """What a report reads of `loop.json` and `model.json`: tolerant of what is absent and of what is new."""
 
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Literal, Self, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, JsonValue
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, model_validator
+
+from rig.loop.result import Verdict, first_verdict
 
 
 class Tolerant(BaseModel):
@@ -13,6 +15,7 @@ class Tolerant(BaseModel):
 
 Pair: TypeAlias = Annotated[tuple[float | None, float | None], Field(strict=False)]
 Names: TypeAlias = Annotated[tuple[str, ...], Field(strict=False)]
+OneVerdict: TypeAlias = Annotated[Verdict, Field(strict=False)]
 
 
 class Errors(Tolerant):
@@ -83,7 +86,7 @@ class NextExperiment(Tolerant):
 class Step(Tolerant):
     """One term that was added."""
 
-    verdict: str
+    verdict: OneVerdict
     effect: str
     members: Names = Field(default=(), alias="set")
     variable: str = ""
@@ -100,7 +103,7 @@ class Step(Tolerant):
 class Open(Tolerant):
     """A statement that remains open."""
 
-    verdict: str
+    verdict: OneVerdict
     group: Names = ()
     parameter: str | None = None
     deviation: float | None = None
@@ -146,7 +149,7 @@ class LoopFile(Tolerant):
 
     schema_: Literal["rig.loop/1"] = Field(alias="schema")
     runs: Runs = Runs()
-    verdict: str
+    verdict: OneVerdict
     effects: Names = ()
     equations: dict[str, Equation] = {}
     steps: Annotated[tuple[Step, ...], Field(strict=False)] = ()
@@ -154,6 +157,13 @@ class LoopFile(Tolerant):
     none: Silence | None = None
     warnings: Names = ()
     elapsed_s: float | None = None
+
+    @model_validator(mode="after")
+    def _say_one_thing(self) -> Self:
+        told = first_verdict([*(step.verdict for step in self.steps), *(item.verdict for item in self.open)])
+        if told is not self.verdict:
+            raise ValueError(f"the verdict '{self.verdict}' contradicts steps and open statements, which make '{told}'")
+        return self
 
 
 class DutPart(Tolerant):

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from rig.loop.files.views_file import ResidualView
-from rig.loop.result import FOUND_NOT_ADDED
+from rig.loop.result import FOUND_NOT_ADDED, MEANINGS
 from rig.report.figures import cycle_figure, residual_figure, spectrum_figure
 from rig.report.html import NOTHING, Markup, element, joined
 from rig.report.loop_file import LoopFile
@@ -24,7 +24,7 @@ from rig.report.loop_sections import (
 )
 from rig.report.page import page, section
 from rig.report.reading import LoopRecord
-from rig.report.sentences import floor_remark, listed, meaning_of, not_counting, statement
+from rig.report.sentences import floor_remark, listed, not_counting, statement
 from rig.terminal import counted
 
 BEFORE_AFTER = (
@@ -78,12 +78,11 @@ def _head(loop: LoopFile, apart: Sequence[str], device: str) -> Markup:
     nexts = next_experiments(loop)
     box = element("div", element("h3", "Measure next"), *map(next_box, nexts), class_="panel") if nexts else NOTHING
     held = f"{counted(len(loop.runs.train), 'training run')}, {len(loop.runs.held_out)} held out{not_counting(apart)}"
-    meaning = meaning_of(loop.verdict)
     return joined(
         [
             element("p", f"Loop report, device under test {device} ", badge(loop.verdict)),
             element("h1", statement(loop, apart)),
-            element("p", f"{loop.verdict}: {meaning}. " if meaning else "", held, ".", class_="soft"),
+            element("p", f"{loop.verdict}: {MEANINGS[loop.verdict]}. ", held, ".", class_="soft"),
             box,
         ]
     )

@@ -8,6 +8,7 @@ from pydantic import JsonValue
 from rig.loop.display import interval_text
 from rig.loop.files.evidence_keys import expected_of, in_words, meaning_of_key
 from rig.loop.files.views_file import RunFacts
+from rig.loop.result import MEANINGS, Verdict
 from rig.report.html import Markup, element, joined
 from rig.report.loop_file import (
     Candidate,
@@ -33,13 +34,13 @@ from rig.report.numbers import (
     unit_text,
 )
 from rig.report.page import row, table
-from rig.report.sentences import meaning_of, place_of, title_of
+from rig.report.sentences import place_of, title_of
 from rig.terminal import counted
 from sim_backend.model.effects import CATALOGUE
 
 ERROR_TITLES = ("equation", "unit", "before", "after", "removed", "floor", "floor, 95 %", "max before", "max after", "")
 
-MEANINGS: Mapping[str, str] = MappingProxyType(
+PARAMETERS: Mapping[str, str] = MappingProxyType(
     {
         "K_F0": "stiffness of the flexspline at zero torque",
         "C_F": "its stiffness doubles at the torque 1/C_F",
@@ -77,10 +78,9 @@ MEANINGS: Mapping[str, str] = MappingProxyType(
 SIDE_WORDS = {"train": "fitted", "held_out": "held out"}
 
 
-def badge(verdict: str) -> Markup:
+def badge(verdict: Verdict) -> Markup:
     """Give a verdict as a word with a border; its colour repeats what the word says."""
-    known = verdict if meaning_of(verdict) else None
-    return element("span", verdict, class_=f"badge {known or ''}".strip(), title=meaning_of(verdict) or None)
+    return element("span", verdict, class_=f"badge {verdict}", title=MEANINGS[verdict])
 
 
 def errors_table(loop: LoopFile, side: str) -> Markup | None:
@@ -214,7 +214,7 @@ def open_panel(item: Open, units: Mapping[str, str]) -> Markup:
     """Give one statement that stays open, with its evidence and what to do next. `units`: of the equations, by name."""
     shown = error_scale(units.get(str(item.evidence.get("equation")), ""))
     evidence = {key: value for key, value in item.evidence.items() if value is not None}
-    meaning = str(evidence.pop("meaning", "")) or meaning_of(item.verdict)
+    meaning = str(evidence.pop("meaning", "")) or MEANINGS[item.verdict]
     off = ""
     if item.parameter is not None and item.deviation is not None:
         side = "below" if item.deviation < 0.0 else "above"
@@ -230,7 +230,7 @@ def open_panel(item: Open, units: Mapping[str, str]) -> Markup:
     return element(
         "div",
         element("h3", f"{heading} ", badge(item.verdict)),
-        element("p", f"{meaning[:1].upper()}{meaning[1:]}.") if meaning else None,
+        element("p", f"{meaning[:1].upper()}{meaning[1:]}."),
         element("p", "Could be: ", element("b", ", ".join(item.group)), ".") if item.group else None,
         element("dl", *terms) if terms else None,
         next_box(item.next_experiment) if item.next_experiment is not None else None,
@@ -263,7 +263,7 @@ def base_table(model: ModelFile, shifts: Mapping[str, Shift]) -> Markup:
         if shifts:
             start = shifts[name].start if name in shifts else None
             before = [shown_as(name, item.value, item.ci95, item.unit).text(start)]
-        rows.append(row([name, *_texts(name, item), *before, MEANINGS.get(name, "")], numbers))
+        rows.append(row([name, *_texts(name, item), *before, PARAMETERS.get(name, "")], numbers))
     titles = ["parameter", "value", "unit", "95 % interval", *(["base model alone"] if shifts else []), "meaning"]
     law = f"Base model {model.base.model}" + (f", ratio {model.base.ratio:.8g}" if model.base.ratio else "")
     return table(law, titles, rows, numbers)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from rig.loop.files.evidence_keys import expected_of
-from rig.loop.result import MEANINGS, Verdict, above_floor
+from rig.loop.result import above_floor
 from rig.report.loop_file import Equation, LoopFile, Open, Step
 from rig.report.numbers import error_scale, scaled
 
@@ -39,11 +39,6 @@ def listed(names: Sequence[str], word: str = "and") -> str:
     if len(names) < 2:
         return "".join(names)
     return f"{', '.join(names[:-1])} {word} {names[-1]}"
-
-
-def meaning_of(verdict: str) -> str:
-    """Say what a verdict means; of one that is not known, nothing."""
-    return MEANINGS[Verdict(verdict)] if verdict in list(Verdict) else ""
 
 
 def place_of(item: Open) -> str:

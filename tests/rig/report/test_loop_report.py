@@ -193,6 +193,25 @@ def test_a_file_that_is_broken_is_named_with_what_is_wrong(tmp_path: Path, file:
     assert not (tmp_path / "loop" / "report.html").exists()
 
 
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"verdict": "proven"}, "verdict = 'proven'"),
+        ({"open": [{"verdict": "proven"}]}, "open.0.verdict = 'proven'"),
+        ({"verdict": "none"}, "the verdict 'none' contradicts"),
+        ({"verdict": "named", "steps": [], "open": []}, "open statements, which make 'none'"),
+        ({"verdict": "ambiguous", "open": []}, "open statements, which make 'named'"),
+    ],
+)
+def test_a_verdict_that_is_none_or_that_nothing_bears_out_is_refused(
+    tmp_path: Path, changes: dict[str, object], told: str
+) -> None:
+    answer = rig("report", write_folder(tmp_path / "loop", loop=loop_content(**changes)))
+    assert answer.exit_code == 5
+    assert answer.stderr.startswith(f"Data: {tmp_path / 'loop' / 'loop.json'}")
+    assert told in answer.stderr
+
+
 def test_a_folder_without_views_is_refused_with_what_writes_them(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "loop")
     (folder / "views.json").unlink()

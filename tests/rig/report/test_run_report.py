@@ -111,10 +111,8 @@ def test_the_report_of_a_log_lies_beside_it_and_that_of_a_folder_within(tmp_path
     answer = rig("report", tmp_path / "a.csv", tmp_path)
     assert answer.exit_code == 0, answer.stderr
     assert answer.stdout.split() == [str(tmp_path / "a.html"), str(tmp_path / "report.html")]
-    assert (
-        "a, other: how the run ended was not recorded"
-        in Outline((tmp_path / "a.html").read_text(encoding="utf-8")).text
-    )
+    page = Outline((tmp_path / "a.html").read_text(encoding="utf-8"))
+    assert "a, other: how the run ended was not recorded" in page.text
 
 
 def test_an_unreadable_log_is_an_error_of_the_log(tmp_path: Path) -> None:

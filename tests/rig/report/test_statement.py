@@ -2,6 +2,7 @@
 
 import pytest
 
+from rig.loop.result import Verdict
 from rig.report.loop_file import LoopFile
 from rig.report.sentences import effect_words, floor_remark, statement
 from tests.rig.report.folders import ERRORS, loop_content
@@ -80,11 +81,13 @@ def test_an_unnamed_term_is_told_by_its_variable_and_shape() -> None:
     assert effect_words("unnamed:x") == "something  in x that no effect of the catalogue is"
 
 
-@pytest.mark.parametrize(
-    "verdict", ["named", "ambiguous", "absorbed", "untraced", "uncontrolled", "unnamed", "none", "later"]
-)
+@pytest.mark.parametrize("verdict", [*Verdict])
 def test_whatever_is_missing_there_is_a_sentence(verdict: str) -> None:
     content = {"schema": "rig.loop/1", "verdict": verdict}
+    if verdict in ("named", "ambiguous", "unnamed"):
+        content["steps"] = [{"verdict": verdict, "effect": ""}]
+    elif verdict != "none":
+        content["open"] = [{"verdict": verdict}]
     text = statement(LoopFile.model_validate(content))
     assert text.endswith(".")
     assert len(text) > 20
@@ -93,7 +96,9 @@ def test_whatever_is_missing_there_is_a_sentence(verdict: str) -> None:
 def remark(still_open=(), **errors) -> str:
     held = {**ERRORS, "by_procedure": {"free-run": ERRORS, "backdrive": {**ERRORS, **errors}}}
     equations = {"torsion": {"unit": "rad", "held_out": held}}
-    return floor_remark(LoopFile.model_validate(loop_content(open=list(still_open), equations=equations)))
+    verdict = "untraced" if still_open else "named"
+    content = loop_content(verdict=verdict, open=list(still_open), equations=equations)
+    return floor_remark(LoopFile.model_validate(content))
 
 
 def test_an_error_above_its_floor_that_counts_as_noise_is_said_with_the_rule() -> None:
