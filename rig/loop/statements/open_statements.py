@@ -51,6 +51,7 @@ OUTLIER = 5.0
 """Standard deviations beyond which a value is an outlier."""
 
 MISSING_DWELL = f"a dwell of {LEAST_DWELL:g} s before the first motion of every run"
+MISSING_COUNTS = "the encoders' counts per turn in the device file"
 
 
 def open_statements(
@@ -87,22 +88,24 @@ def _without_floor(
     if any(errors.floor is not None for side in sides for errors in (side, *side.by_procedure.values())):
         return []
     pieces = [residual.piece for residual in residuals]
-    angles = [piece for piece in pieces if piece.equation is Equation.TORSION]
     missing = [] if any(piece.track.replicate is not None for piece in pieces) else ["replicate runs"]
     if any(dwell_of(piece) is None for piece in pieces):
         missing.append(MISSING_DWELL)
-    if any(quantisation_square(piece, dut, ratio) is None for piece in angles):
-        missing.append("the encoders' counts per turn in the device file")
     return [
         Open(
             verdict=Verdict.UNTRACED,
             evidence={
                 "equation": ", ".join(equations),
-                "missing": missing,
+                "missing": [*missing, *_missing_counts(residuals, dut, ratio)],
                 "meaning": "no equation has a floor, so that nothing tells whether what is left is noise",
             },
         )
     ]
+
+
+def _missing_counts(residuals: Sequence[Residual], dut: Dut, ratio: float | None) -> list[str]:
+    angles = [residual.piece for residual in residuals if residual.piece.equation is Equation.TORSION]
+    return [MISSING_COUNTS] if any(quantisation_square(piece, dut, ratio) is None for piece in angles) else []
 
 
 def _events(residuals: Sequence[Residual], events: Sequence[tuple[Event, ...]], used: Collection[str]) -> list[Open]:
@@ -160,7 +163,7 @@ def _left_over(
         judged = repeats(members, dut, model)
         if judged is not None:
             if judged.structured:
-                found.append(_untraced(judged))
+                found.append(_untraced(judged, _missing_counts(members, dut, model.ratio)))
             elif judged.unsteady:
                 found.append(_uncontrolled(judged, _channels(recorded, judged.equation, used)))
             else:
@@ -237,7 +240,7 @@ def _remembering(item: Memory) -> Open:
     )
 
 
-def _untraced(item: Repeats) -> Open:
+def _untraced(item: Repeats, missing: Sequence[str]) -> Open:
     return Open(
         verdict=Verdict.UNTRACED,
         evidence={
@@ -248,7 +251,9 @@ def _untraced(item: Repeats) -> Open:
             "rms_repeating": math.sqrt(item.common),
             "rms_not_repeating": math.sqrt(item.own),
             "ljung_box_per_lag": item.ljung_box,
-            "meaning": "the residual repeats between replicates, but no term explains it",
+            **({"missing": missing} if missing else {}),
+            "meaning": "the residual repeats between replicates, but no term explains it"
+            + (": without the counts nothing tells how much of it their steps are" if missing else ""),
         },
     )
 

@@ -1,5 +1,6 @@
 """The loop on logs that lack signals, are short, or come with a wrong device file: a statement, never a guess."""
 
+import re
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -134,14 +135,27 @@ def test_short_runs_without_effect_that_were_repeated_give_none() -> None:
     assert all(item.held_out is not None and item.held_out.floor is not None for item in result.equations.values())
 
 
-def test_structure_without_replicates_is_untraced_and_says_what_is_not_known() -> None:
-    runs = [turning_run(name, seed) for seed, name in enumerate("abcd")]
+def bent_runs() -> list[Run]:
     bent = []
-    for run in runs:
+    for run in (turning_run(name, seed) for seed, name in enumerate("abcd")):
         wave = 5e-5 * np.sin(2 * np.pi * run.time / 7.0) ** 3  # in time, which no term of an angle follows
         signals = {**run.signals, "output_position": run.signals["output_position"] + wave}
         bent.append(make_run(run.name, "free-run", run.time, signals))
-    result = trace(bent, dut(), LoopOptions(held_out=("d",)))
+    return bent
+
+
+@pytest.mark.parametrize("device", [DUT, re.sub("encoder_counts.*", "", DUT)], ids=["counts", "no counts"])
+def test_what_repeats_says_where_the_counts_that_may_make_it_are_not_known(device: str) -> None:
+    runs = [replace(run, replicate=None if run.name == "d" else "same") for run in bent_runs()]
+    (told,) = trace(runs, dut(device), LoopOptions(held_out=("d",))).open
+    assert "repeats between replicates" in str(told.evidence["meaning"])
+    missing = [] if device == DUT else ["the encoders' counts per turn in the device file"]
+    assert told.evidence.get("missing", []) == missing
+    assert ("without the counts" in str(told.evidence["meaning"])) == bool(missing)
+
+
+def test_structure_without_replicates_is_untraced_and_says_what_is_not_known() -> None:
+    result = trace(bent_runs(), dut(), LoopOptions(held_out=("d",)))
     assert result.verdict is Verdict.UNTRACED
     assert result.effects == ()
     assert any("no run was repeated" in str(item.evidence["meaning"]) for item in result.open)
