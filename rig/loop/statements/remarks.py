@@ -24,6 +24,7 @@ from rig.loop.signals.grid import finer_grids
 from rig.loop.signals.living import ANGLES, TORQUES
 from rig.loop.signals.spikes import spikes
 from rig.loop.signals.tracks import LEG_END, SPEED_BAND, Track
+from rig.loop.statements.loudness import loud_or_quiet
 from sim_backend.model.compliance import LAWS
 
 LEAST_TOLD = 1e-3
@@ -118,6 +119,7 @@ def remarks(tracks: Sequence[Track], runs: Sequence[Run], dut: Dut, model: Model
     return [
         *_masked(tracks),
         *_spikes(runs),
+        *loud_or_quiet(runs),
         *_unused(tracks, model.ratio),
         *_of_the_ratio(tracks, dut, model.ratio),
         *_of_the_device_file(runs, dut, model),
