@@ -50,7 +50,7 @@ from rig.loop.statements.before_after import (
 from rig.loop.statements.events import events_of
 from rig.loop.statements.evidence import louder
 from rig.loop.statements.open_statements import open_statements
-from rig.loop.statements.remarks import doubts, far_from_prior, of_another_drive, remarks, unadded
+from rig.loop.statements.remarks import doubts, far_from_prior, of_another_drive, of_the_current, remarks, unadded
 from rig.loop.statements.report_steps import model_of, steps_of
 from rig.loop.statements.silence import silence_of
 from rig.loop.statements.views import Added, Pair, facts_of, views_of
@@ -86,7 +86,8 @@ def trace(
     campaign = split_runs(runs, options)
     check_magnitudes(runs)
     check_jumps(runs)
-    used, dead = living([*campaign.train, *campaign.held_out])
+    recorded = [*campaign.train, *campaign.held_out]
+    used, dead = living(recorded)
     alive = {run.name for run in used if run.signals}
     runs = [run for run in runs if run.name in alive]
     check_recordings(runs)
@@ -97,7 +98,7 @@ def trace(
         measured = _measured(held, campaign, runs, dut, options)
         chosen = _without_odd(measured, _searched(measured, on_stage), on_stage)
         on_stage(f"looking at {counted(len(campaign.held_out), 'held-out run')}")
-        result = _result(measured, chosen, dead)
+        result = _result(measured, chosen, [*dead, *of_the_current(recorded, used, dut)])
     return replace(result, elapsed=clock.now() - started)
 
 

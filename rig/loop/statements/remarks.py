@@ -25,6 +25,7 @@ from rig.loop.signals.living import ANGLES, TORQUES
 from rig.loop.signals.spikes import spikes
 from rig.loop.signals.tracks import LEG_END, SPEED_BAND, Track
 from rig.loop.statements.loudness import loud_or_quiet
+from rig.terminal import counted
 from sim_backend.model.compliance import LAWS
 
 LEAST_TOLD = 1e-3
@@ -137,6 +138,19 @@ def of_another_drive(base: ModelFile | None, dut: Dut) -> list[str]:
         return []
     return [
         f"The model of --base is of another drive ({'; '.join(other)}): its effects and levels may not be this one's."
+    ]
+
+
+def of_the_current(recorded: Sequence[Run], living: Sequence[Run], dut: Dut) -> list[str]:
+    """Say that the current stands in for a motor torque that was recorded and is dead. `living`: without what is."""
+    constant = dut.motor.torque_constant
+    lost = {run.name for run in recorded if "motor_torque" in run.signals}
+    lost -= {run.name for run in living if "motor_torque" in run.signals or "motor_current" not in run.signals}
+    if constant is None or not lost:
+        return []
+    return [
+        f"Motor torque is motor_current times torque_constant ({constant:.4g} N*m/A) in {len(lost)} of "
+        f"{counted(len(recorded), 'run')}."
     ]
 
 

@@ -472,6 +472,20 @@ def test_where_sweeps_have_no_motor_torque_it_is_said_that_no_shape_was_looked_f
 # -- what the campaign cannot say
 
 
+def test_a_current_that_stands_in_for_a_dead_motor_torque_is_told_once() -> None:
+    both, never = [], []
+    for run in (turning_run(name, seed) for seed, name in enumerate("abc")):
+        current = {"motor_current": run.signals["motor_torque"] / 0.321}
+        both.append(replace(run, signals={**run.signals, **current}))
+        others = {name: values for name, values in run.signals.items() if name != "motor_torque"}
+        never.append(replace(run, signals={**others, **current}))
+    dead = [with_values(run, motor_torque=0.0) for run in both[:2]]
+    for mixed, said in (([*dead, both[2]], True), ([*dead, never[2]], True), (never, False)):
+        result = trace(mixed, dut(DUT), LoopOptions(held_out=("c",)))
+        told = [text for text in result.warnings if text.startswith("Motor torque is")]
+        assert told == ["Motor torque is motor_current times torque_constant (0.321 N*m/A) in 2 of 3 runs."] * said
+
+
 def test_a_torque_that_is_dead_in_every_run_is_told_and_the_campaign_is_traced_without_it() -> None:
     runs, held_out = drawn(LOCKED)
     dead = [replace(run, signals={**run.signals, "output_torque": np.zeros(run.time.size)}) for run in runs]
