@@ -92,8 +92,8 @@ def test_a_small_friction_at_the_order_of_a_large_cogging_may_be_that_read_late_
     assert flips.verdict == verdict
     assert set(flips.members or (flips.effect,)) - {"cogging"} == {"position-dependent-friction"}
     assert ("cogging" in flips.members) == (verdict == "ambiguous")
-    if flips.next_experiment is not None:
-        assert flips.next_experiment.command.startswith("rig run free-run --set free-run.speeds=")
+    commands = [] if flips.next_experiment is None else [flips.next_experiment.command]
+    assert [" --set free-run.speeds=" in command for command in commands] == [True] * (verdict == "ambiguous")
 
 
 @pytest.mark.timeout(300)
