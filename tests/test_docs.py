@@ -70,8 +70,10 @@ def examples(page: Path) -> list[Example]:
 
 
 def arguments(line: str) -> list[str]:
-    """Give the arguments of an example, with shorter settings for the procedures it runs."""
+    """Give the arguments of an example, with shorter settings for the procedures and experiments it runs."""
     words = [QUICKER.get(word, word) for word in shlex.split(line.removeprefix("$ rig "))]
+    if words[0] == "papers":
+        return [*words, "--quick"]
     if words[0] != "run":
         return words
     said = {word.partition("=")[0] for word in words}

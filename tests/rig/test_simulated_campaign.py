@@ -23,6 +23,7 @@ def traced(folder: Path, effects: tuple[ActiveEffect, ...]) -> LoopResult:
     return trace(runs, dut_of(runs), LoopOptions())
 
 
+@pytest.mark.campaign  # the same with fewer runs: test_twin.py, test_next.py and the README's example
 @pytest.mark.timeout(600)  # ten minutes of bench time
 def test_an_undeclared_kinematic_error_is_named_and_removed_down_to_the_floor(tmp_path):
     hidden = ActiveEffect(CATALOGUE["kinematic-error"], (1e-4, 2.0, 0.7))

@@ -83,7 +83,7 @@ def traced(hide: Callable[[Run], Run], seed: int) -> LoopResult:
 
 
 CASES = [
-    (hum, "time", Shape.PERIODIC, "motor-torque"),
+    pytest.param(hum, "time", Shape.PERIODIC, "motor-torque", marks=pytest.mark.campaign),
     (churning, "motor_velocity", Shape.STATIC, "motor-torque"),
     (settling, "motor_velocity", Shape.LAG, "motor-torque"),
     (rate_size, "output_torque", Shape.RATE, "torsion"),

@@ -148,6 +148,7 @@ def test_a_subdivision_error_far_below_a_count_is_found_at_an_order_that_divides
     assert step.parameters["amplitude"].value == pytest.approx(0.0194 * 9.0105e-5, rel=0.1)
 
 
+@pytest.mark.campaign
 def test_torques_that_disagree_by_a_fifth_of_a_per_cent_come_out_as_the_set_of_what_may_be_wrong() -> None:
     result = traced(Effects(others=(term("torque-sensor-gain", amplitude=2.1e-3),)), STANDARD, 43)
     assert result.effects == ("ambiguous:torque-constant-error|torque-sensor-gain",)
@@ -169,6 +170,7 @@ def test_a_small_cogging_line_is_found_alone_without_its_side_lobes() -> None:
     assert np.isclose(found.phase, 1.7, atol=0.2)
 
 
+@pytest.mark.campaign
 def test_an_angle_that_does_not_act_back_on_the_motor_is_no_kinematic_error() -> None:
     # energy: what lifts a load by an angle error is felt at the motor as T de/dtheta; a reading that errs is not
     hidden = acting("odd order with harmonics", 5e-6, {"order": 2.3, "phase": 0.4})

@@ -52,6 +52,7 @@ def test_the_printed_command_ends_the_ambiguity(tmp_path, campaign, effect, valu
     assert not any(step["next_experiment"] for step in result["steps"])
 
 
+@pytest.mark.campaign
 @pytest.mark.timeout(600)
 def test_what_no_run_of_the_bench_tells_apart_is_said_with_what_does_and_no_command(tmp_path):
     bench = truth(tmp_path, "torque-sensor-lag", time_constant=0.005)

@@ -50,10 +50,9 @@ def test_silence_says_how_like_noise_the_replicates_are_and_what_would_have_been
     assert set(written) == {"replicates", "smallest"}
 
 
+@pytest.mark.campaign
 @pytest.mark.timeout(300)
-@pytest.mark.parametrize(
-    ("effect", "order"), [pytest.param("kinematic-error", 2.0, marks=pytest.mark.campaign), ("cogging", 12.0)]
-)
+@pytest.mark.parametrize(("effect", "order"), [("kinematic-error", 2.0), ("cogging", 12.0)])
 def test_half_more_than_what_is_said_to_be_seen_is_seen_and_a_third_is_not(effect: str, order: float):
     def hidden(times: float) -> LoopResult:
         line = Line(order, times * smallest(effect), 0.7)
