@@ -88,8 +88,9 @@ SPEEDS = ("motor_velocity", "output_velocity")
 MODELLED = frozenset({*ANGLES, *SPEEDS, "output_torque", "motor_torque", TURNING_LOAD})
 """Signals that the model follows anyway; whatever else was recorded is tried as it stands."""
 
-WITHIN = 0.5
-"""Share of a signal's range in the campaign below which it hardly changes within a run."""
+WITHIN = 1.0 / 3.0
+"""Share of a signal's range in the campaign below which it hardly changes within a run: a temperature's is 0.1 to 0.3,
+that of a voltage with a level of the day 0.5."""
 
 MORE_THAN_A_COLUMN = 30.0
 """Gain by which each further value of a curve must pay for itself before it is compared with an effect."""
