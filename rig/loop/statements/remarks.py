@@ -88,8 +88,9 @@ def far_from_prior(final: Fit, told: Sequence[Open]) -> list[str]:
             off, width = 100.0 * (value / entry.centre - 1.0), 100.0 * entry.spread
             found.append(
                 f"{entry.name} of the flexspline is {value:.4g} {entry.unit}, {off:+.0f} % off its prior of "
-                f"{entry.centre:.4g} ({abs(widths):.2g} times the prior's width of {width:.0f} %): the device file "
-                f"is off, or {entry.name} makes up for a law or an effect that the model lacks."
+                f"{entry.centre:.4g} ({abs(widths):.2g} times the prior's width of {width:.0f} %, in logarithms): the "
+                f"device file is off, or {entry.name} makes up for another law (--compliance) or an effect that the "
+                f"model lacks."
             )
     return found
 
