@@ -4,7 +4,7 @@ Before is the base model refitted without the effects, after is base and effects
 """
 
 import math
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from enum import StrEnum
 from types import MappingProxyType
@@ -89,11 +89,16 @@ class Judged(Protocol):
         """The same for every procedure."""
 
 
-def above_floor(held_out: Mapping[str, Judged], told: Set[tuple[str, str]]) -> str:
+def above_floor(held_out: Mapping[str, Judged], told_by: Iterable[Mapping[str, object]]) -> str:
     """Say which errors lie above their floor's interval and are taken for noise all the same; "" where none does.
 
-    `held_out`: by equation; `told`: equation and procedure ("" for all) of open statements, which say more.
+    `held_out`: by equation; `told_by`: evidence of the open statements, which say more of their equations.
     """
+    told = {
+        (equation, str(evidence.get("procedure") or ""))
+        for evidence in told_by
+        for equation in str(evidence.get("equation") or "").split(", ")
+    }
     near, far = (_places_above(held_out, told, *bounds) for bounds in ((1.0, ABOVE_FLOOR), (ABOVE_FLOOR, math.inf)))
     texts = []
     if near:

@@ -123,12 +123,7 @@ def _silence(silence: Silence) -> list[str]:
 def floor_remark(result: LoopResult) -> str:
     """Say which errors lie above the floor's interval and are no statement; "" where none does."""
     held_out = {name: item.held_out for name, item in result.equations.items() if item.held_out is not None}
-    told = {
-        (equation, str(x.evidence.get("procedure", "")))
-        for x in result.open
-        for equation in str(x.evidence.get("equation", "")).split(", ")
-    }
-    return above_floor(held_out, told)
+    return above_floor(held_out, [item.evidence for item in result.open])
 
 
 def _base(base: ModelBase) -> list[str]:

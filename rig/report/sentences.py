@@ -50,8 +50,7 @@ def place_of(item: Open) -> str:
 def floor_remark(loop: LoopFile) -> str:
     """Say which errors lie above the floor's interval and are no statement; "" where none does."""
     held_out = {name: item.held_out for name, item in loop.equations.items() if item.held_out is not None}
-    told = {(str(x.evidence.get("equation") or ""), str(x.evidence.get("procedure") or "")) for x in loop.open}
-    return above_floor(held_out, told)
+    return above_floor(held_out, [item.evidence for item in loop.open])
 
 
 def largest_drop(loop: LoopFile) -> str | None:

@@ -112,7 +112,8 @@ def test_an_error_above_its_floor_that_counts_as_noise_is_said_with_the_rule() -
     assert remark(rms_after=4.6e-6, floor_ci95=None) == ""
 
 
+@pytest.mark.parametrize("equation", ["torsion", "motor-torque, torsion"])
 @pytest.mark.parametrize("procedure", ["backdrive", None])
-def test_an_error_above_its_floor_of_which_a_statement_speaks_is_left_to_it(procedure) -> None:
-    said_of = {"verdict": "untraced", "evidence": {"equation": "torsion", "procedure": procedure}}
+def test_an_error_above_its_floor_of_which_a_statement_speaks_is_left_to_it(procedure, equation) -> None:
+    said_of = {"verdict": "untraced", "evidence": {"equation": equation, "procedure": procedure}}
     assert remark([said_of], rms_after=9e-6) == ""
