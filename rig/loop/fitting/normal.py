@@ -156,14 +156,12 @@ class Normal:
         `prior` (p,): weights; `pull` (p,): gradient of the prior at the point of linearisation.
         """
         total_A, total_g = self.A.sum(axis=0) + np.diag(prior), self.g.sum(axis=0) + pull
-        left = np.empty(len(self.runs))
-        for k in range(len(self.runs)):
-            rest, slope = total_A - self.A[k], total_g - self.g[k]
-            # of what this run alone told only rounding is left, of either sign
-            told = np.diag(rest) > ROUNDING * np.diag(total_A)
-            step = solve(np.where(np.outer(told, told), rest, 0.0), np.where(told, slope, 0.0))
-            left[k] = self.squares[k] - 2.0 * step @ self.g[k] + step @ self.A[k] @ step
-        return left
+        rest, slope = total_A - self.A, total_g - self.g
+        # of what a run alone told only rounding is left, of either sign
+        told = np.diagonal(rest, axis1=1, axis2=2) > ROUNDING * np.diag(total_A)
+        step = solve(np.where(told[:, :, None] & told[:, None, :], rest, 0.0), np.where(told, slope, 0.0)[:, :, None])
+        own = self.A @ step - 2.0 * self.g[:, :, None]
+        return np.asarray(self.squares + np.sum(step * own, axis=(1, 2)))
 
 
 def joined(normal: Normal, names: Sequence[str]) -> Normal:
@@ -187,14 +185,19 @@ TOLD = 1e-11
 
 
 def solve(A: Floats, b: Floats) -> Floats:
-    """Solve A x = b for a positive semi-definite A, scaled to unit diagonal; directions without information give 0."""
+    """Solve A x = b for a positive semi-definite A, scaled to unit diagonal; directions without information give 0.
+
+    A (p, p) and b (p,) or (p, k), or a stack of them: A (r, p, p) and b (r, p, k).
+    """
     if not A.size:
         return np.zeros_like(b)
+    if b.ndim == 1:
+        return solve(A, b[:, None])[:, 0]
     scale, values, vectors = _scaled(A)
-    keep = values > TOLD * values[-1]
-    projected = vectors.T @ (b.T / scale).T
+    keep = values > TOLD * values[..., -1:]
     solved = np.where(keep, 1.0 / np.where(keep, values, 1.0), 0.0)
-    return np.asarray(((vectors @ (solved * projected.T).T).T / scale).T)
+    projected = vectors.swapaxes(-1, -2) @ (b / scale[..., None])
+    return np.asarray(vectors @ (solved[..., None] * projected) / scale[..., None])
 
 
 def untold(A: Floats) -> Floats:
@@ -206,8 +209,8 @@ def untold(A: Floats) -> Floats:
 
 
 def _scaled(A: Floats) -> tuple[Floats, Floats, Floats]:
-    scale = np.sqrt(np.maximum(np.diag(A), 1e-300))
-    values, vectors = np.linalg.eigh(A / np.outer(scale, scale))
+    scale = np.sqrt(np.maximum(np.diagonal(A, axis1=-2, axis2=-1), 1e-300))
+    values, vectors = np.linalg.eigh(A / (scale[..., :, None] * scale[..., None, :]))
     return scale, values, vectors
 
 

@@ -51,8 +51,11 @@ class LineCandidate:
         return Unadded(self.proposal.kind, self.proposal.order, amplitude, p_value, self.trial.share, why)
 
 
-def line_candidates(ground: Ground, known: Mapping[str, float]) -> list[LineCandidate]:
-    """Give everything that the residual proposes, its order refined, best first."""
+def line_candidates(ground: Ground, sparse: Ground, known: Mapping[str, float]) -> list[LineCandidate]:
+    """Give everything that the residual proposes, best first, its order refined on `sparse`, the ground on few samples.
+
+    What is chosen is refined again by the joint fit, with all samples.
+    """
     proposals, free_tests, fixed_tests = propose(ground, known)
     gained = line_gains(ground, [(p.kind, p.order) for p in proposals])
     scored = sorted(zip(gained, proposals, strict=True), key=lambda pair: -pair[0])
@@ -65,7 +68,7 @@ def line_candidates(ground: Ground, known: Mapping[str, float]) -> list[LineCand
             continue
         order, tests = proposal.kind.fixed_order, fixed_tests
         if order is None:
-            gain_at = functools.partial(gains_at, ground, proposal.kind)
+            gain_at = functools.partial(gains_at, sparse, proposal.kind)
             order = refine(gain_at, proposal.order, proposal.resolution)
             tests = fixed_tests if proposal.expected else free_tests
             legs = sampled[proposal.kind.variable]

@@ -5,7 +5,6 @@ transformed once; peaks are judged against the median of their neighbourhood, so
 spectrum only proposes: size and significance come from exact columns (rig.loop.search.trial).
 """
 
-import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -195,9 +194,10 @@ def peaks(spectrum: Spectrum, count: int) -> tuple[Peak, ...]:
 
 def _level(power: Floats) -> Floats:
     """Give the median of the neighbourhood of every point, by segments."""
-    edges = np.arange(0, power.size + NEIGHBOURHOOD, NEIGHBOURHOOD)
-    medians = np.array([np.median(power[a:b]) for a, b in itertools.pairwise(edges) if a < power.size])
-    centres = edges[: medians.size] + NEIGHBOURHOOD / 2
+    full = power.size - power.size % NEIGHBOURHOOD
+    medians = np.median(power[:full].reshape(-1, NEIGHBOURHOOD), axis=1)
+    medians = np.append(medians, np.median(power[full:])) if full < power.size else medians
+    centres = (np.arange(medians.size) + 0.5) * NEIGHBOURHOOD
     level = np.interp(np.arange(power.size), centres, medians)
     return np.asarray(np.maximum(level, 1e-12 * max(float(power.max()), 1e-300)))
 

@@ -9,7 +9,7 @@ every other class with 90 % of the pick's gain joins the set, and then the verdi
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from rig.loop.fitting.fit import Fit, Material
+from rig.loop.fitting.fit import Fit, Material, fit
 from rig.loop.model.prediction import Model
 from rig.loop.search.contenders import by_joint_fit
 from rig.loop.search.decision import Accepted, Decision, Selection, Unadded, lines_decided
@@ -87,9 +87,10 @@ class _Tried:
 
 def _look(pieces: Material, current: Fit, known: Mapping[str, float]) -> _Tried:
     ground = prepare(current)
-    lines = line_candidates(ground, known)
+    sparse = prepare(fit(pieces.few, current.model, current.noise, passes=0, block=current.block))
+    lines = line_candidates(ground, sparse, known)
     most = max((line.trial.gain for line in lines), default=0.0)
-    return _Tried(ground, lines, shape_candidates(pieces, ground, known, most))
+    return _Tried(ground, lines, shape_candidates(ground, sparse, known, most))
 
 
 def _with(decisions: Sequence[Decision], new: Decision, orders: Sequence[float]) -> list[Decision]:

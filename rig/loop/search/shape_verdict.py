@@ -47,10 +47,9 @@ COUNTS = {"motor_position": "encoder_counts", "output_position": "output_encoder
 """Which of the device's parameters holds the counts per revolution of an angle."""
 
 
-def shape_candidates(pieces: Material, ground: Ground, known: Mapping[str, float], least: float) -> list[ShapeTrial]:
-    """Give how every effect that is no line explains what is left, best first."""
-    scales, fitted = _scales(ground, known), ground.fit
-    sparse = prepare(fit(pieces.few, fitted.model, fitted.noise, passes=0, block=fitted.block))
+def shape_candidates(ground: Ground, sparse: Ground, known: Mapping[str, float], least: float) -> list[ShapeTrial]:
+    """Give how every effect that is no line explains what is left, best first. `sparse`: the ground on few samples."""
+    scales = _scales(ground, known)
     at_output = {"motor_position": 1.0 / known.get("ratio", 1.0), "output_position": 1.0}
     encoders = {
         signal: (known[name], at_output[signal] * 2.0 * np.pi / known[name])

@@ -397,13 +397,19 @@ def _legs(speed: Floats, period: float) -> Floats:
     for first, last in itertools.pairwise(edges.tolist()):
         if not calm[first]:
             continue
-        set_speed = float(np.median(speed[first:last]))
+        set_speed = _middle(speed[first:last])
         reach = int(least) + 1
         start, stop = _within(speed, set_speed, first, max(first - reach, 0), min(first + reach, speed.size))
         if stop - start >= least:  # of a sweep's many short stretches hardly one
             start, stop = _within(speed, set_speed, first, 0, speed.size)
             found[start + cut : stop - cut] = set_speed
     return found
+
+
+def _middle(values: Floats) -> float:
+    """Give the median of a few values; NumPy's own takes ten times as long for them."""
+    ordered = np.sort(values)
+    return float(0.5 * (ordered[(values.size - 1) // 2] + ordered[values.size // 2]))
 
 
 def _within(speed: Floats, set_speed: float, place: int, low: int, high: int) -> tuple[int, int]:

@@ -18,14 +18,21 @@ from sim_backend.model.effects.effect import Effect, Energy, Enters, Memory, Par
 def structural_resonance(
     output_torque: float, step: float, memory: Memory, amplitude: float, frequency: float, damping: float
 ) -> float:
-    """Angle added to the reading, rad. memory: swing per amplitude, its speed, torque and rate before, started."""
-    if memory[4] == 0.0:
-        memory[2], memory[4] = output_torque, 1.0
-    rate = (output_torque - memory[2]) / step
+    """Angle added to the reading, rad.
+
+    memory: swing per amplitude, its speed, torque and rate before, step, frequency and damping, and the decaying
+    cosine and sine of a step of these.
+    """
     w = 2.0 * math.pi * frequency
-    ringing = w * math.sqrt(1.0 - damping * damping)
-    decay = math.exp(-damping * w * step)
-    cosine, sine = decay * math.cos(ringing * step), decay * math.sin(ringing * step) / ringing
+    if memory[4] != step or memory[5] != frequency or memory[6] != damping:
+        if memory[4] == 0.0:
+            memory[2] = output_torque
+        ringing = w * math.sqrt(1.0 - damping * damping)
+        decay = math.exp(-damping * w * step)
+        memory[4], memory[5], memory[6] = step, frequency, damping
+        memory[7], memory[8] = decay * math.cos(ringing * step), decay * math.sin(ringing * step) / ringing
+    cosine, sine = memory[7], memory[8]
+    rate = (output_torque - memory[2]) / step
     swing, speed = memory[0], memory[1] + w * (rate - memory[3])
     memory[0] = swing * (cosine + damping * w * sine) + speed * sine
     memory[1] = speed * (cosine - damping * w * sine) - swing * w * w * sine
@@ -62,6 +69,6 @@ EFFECT = Effect(
     shows=("locked-output", "backdrive"),
     confusable=("kinematic-error", "inertia"),
     separated_by="sweeps at several rates: the ringing after a reversal keeps its frequency, orders move with the rate",
-    memory=5,
+    memory=9,
     reads="output_position",
 )
