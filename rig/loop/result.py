@@ -89,6 +89,27 @@ class Judged(Protocol):
         """The same for every procedure."""
 
 
+class Sides(Protocol):
+    """Errors of an equation on the runs that were fitted and on those that were held out."""
+
+    @property
+    def train(self) -> Judged | None:
+        """On the runs that were fitted."""
+
+    @property
+    def held_out(self) -> Judged | None:
+        """On the others."""
+
+
+def fitted_alone(equations: Mapping[str, Sides]) -> list[str]:
+    """Give the procedures that were fitted and of which no run was held out: no equation is tested there."""
+    fitted, tested = (
+        {name: None for side in sides if side is not None for name in side.by_procedure}
+        for sides in ([item.train for item in equations.values()], [item.held_out for item in equations.values()])
+    )
+    return [name for name in fitted if name not in tested]
+
+
 def above_floor(held_out: Mapping[str, Judged], told_by: Iterable[Mapping[str, object]]) -> str:
     """Say which errors lie above their floor's interval and are taken for noise all the same; "" where none does.
 

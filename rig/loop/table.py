@@ -21,6 +21,7 @@ from rig.loop.result import (
     Silence,
     Step,
     above_floor,
+    fitted_alone,
 )
 from rig.terminal import counted
 from sim_backend.model.compliance import LAWS
@@ -89,6 +90,8 @@ def text_of(result: LoopResult) -> str:
 def headline(result: LoopResult) -> str:
     """Say the verdict with its meaning, from how many runs, and what was added."""
     held = f"{counted(len(result.train), 'training run')}, {len(result.held_out)} held out"
+    alone = fitted_alone(result.equations)
+    held += f", none of {' or '.join(alone)}" if alone else ""
     apart = result.views.apart
     held += f", not counting {', '.join(apart)}, of another kind" if apart else ""
     added = f"added: {', '.join(result.effects)}" if result.effects else "nothing was added"

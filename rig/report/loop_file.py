@@ -189,4 +189,5 @@ class ModelFile(Tolerant):
     schema_: Literal["rig.model/1"] = Field(alias="schema")
     dut: DutPart = DutPart()
     base: BasePart = BasePart()
+    runs: Names = ()
     software: str = ""

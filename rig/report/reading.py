@@ -21,6 +21,8 @@ MAX_BYTES = 200_000_000
 MOST_MISTAKES = 3
 """Mistakes of a file that a message names."""
 
+_SIDES = {"train": "training", "held_out": "held-out"}
+
 AGAIN = "Write the folder anew: rig loop RUN... -o FOLDER."
 
 Content = TypeVar("Content", bound=BaseModel)
@@ -52,7 +54,27 @@ def read_loop(folder: Path) -> LoopRecord:
             expected=f"{RESULT_NAME} and {VIEWS_NAME} in one folder",
             hint=AGAIN,
         )
-    return LoopRecord(folder.resolve().name, loop, model, _read(folder / VIEWS_NAME, Views))
+    views = _read(folder / VIEWS_NAME, Views)
+    _check_one_loop(folder, loop, model, views)
+    return LoopRecord(folder.resolve().name, loop, model, views)
+
+
+def _check_one_loop(folder: Path, loop: LoopFile, model: ModelFile | None, views: Views) -> None:
+    """Raise DataError where the names of the runs show that plots or model are those of another loop."""
+    for side, told in (("train", loop.runs.train), ("held_out", loop.runs.held_out)):
+        odd = {run.name for run in views.runs if run.side == side} ^ set(told)
+        if odd:
+            where = f"of {VIEWS_NAME} and {RESULT_NAME} one alone has {min(odd)} among the {_SIDES[side]} runs"
+            raise _other_loop(folder / VIEWS_NAME, where)
+    unknown = set() if model is None else set(model.runs) - set(loop.runs.train)
+    if unknown:
+        raise _other_loop(folder / MODEL_NAME, f"it was fitted to {min(unknown)}, which {RESULT_NAME} does not have")
+
+
+def _other_loop(path: Path, why: str) -> DataError:
+    return DataError(
+        str(path), f"is of another loop: {why}", expected="files that one rig loop wrote together", hint=AGAIN
+    )
 
 
 def _read(path: Path, kind: type[Content]) -> Content:

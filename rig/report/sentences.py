@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from rig.loop.files.evidence_keys import expected_of
-from rig.loop.result import above_floor
+from rig.loop.result import above_floor, fitted_alone
 from rig.report.loop_file import Equation, LoopFile, Open, Step
 from rig.report.numbers import error_scale, scaled
 
@@ -16,7 +16,9 @@ def statement(loop: LoopFile, apart: Sequence[str] = ()) -> str:
 
     `apart`: held-out runs of another kind, which the verdict does not count.
     """
-    return f"{_finding(loop)}{not_counting(apart)}{_effect_on_errors(loop)}."
+    alone = fitted_alone(loop.equations)
+    untested = f"; no held-out run tests {listed(alone, 'or')}" if alone else ""
+    return f"{_finding(loop)}{not_counting(apart)}{_effect_on_errors(loop)}{untested}."
 
 
 def not_counting(apart: Sequence[str]) -> str:

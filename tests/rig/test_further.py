@@ -116,6 +116,15 @@ def test_one_run_is_told_as_one():
     assert "(1 training run, 1 held out; nothing was added)" in headline(result())
 
 
+def test_the_headline_says_of_which_procedure_no_run_was_held_out():
+    fitted, tested = (
+        Errors(2.0, 1.0, 3.0, 2.0, by_procedure=dict.fromkeys(names, Errors(2.0, 1.0, 3.0, 2.0)))
+        for names in (("free-run", "backdrive"), ("backdrive",))
+    )
+    equations = {"motor-torque": EquationResult("N*m", tested, fitted), "torsion": EquationResult("rad", None, tested)}
+    assert "(1 training run, 1 held out, none of free-run; nothing" in headline(replace(result(), equations=equations))
+
+
 def test_the_rival_that_nothing_is_missing_is_no_effect_of_the_catalogue():
     assert NO_EFFECT == "no effect"
     assert NO_EFFECT not in CATALOGUE

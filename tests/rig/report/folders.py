@@ -117,7 +117,7 @@ def model_content(name: str = "x") -> dict[str, Any]:
             "ratio": 100.0,
             "parameters": {"K_F0": {"value": 8330.0, "ci95": [8310.0, 8350.0], "unit": "N*m/rad"}},
         },
-        "runs": [],
+        "runs": [f"run {name}", "b"],
         "software": f"harmonic-rig {name}",
     }
 
@@ -137,6 +137,7 @@ def views_content(name: str = "x") -> dict[str, Any]:
         "schema": "rig.views/1",
         "runs": [
             {**facts, "name": f"run {name}", "side": "train", "operator": name, "bench": name, "status": name},
+            {**facts, "name": "b", "side": "train"},
             {**facts, "name": "c", "side": "held_out", "started": "2026-01-01"},
         ],
         "residuals": [

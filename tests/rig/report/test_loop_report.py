@@ -230,6 +230,21 @@ def test_series_of_unequal_length_are_refused(tmp_path: Path) -> None:
     assert "199" in answer.stderr
 
 
+def test_plots_and_model_of_another_loop_are_refused(tmp_path: Path) -> None:
+    views = views_content()
+    views["runs"][2]["name"] = "d"
+    answer = rig("report", write_folder(tmp_path / "plots", views=views))
+    assert answer.exit_code == 5
+    assert "views.json" in answer.stderr
+    assert "one alone has c among the held-out runs" in " ".join(answer.stderr.split())
+    folder = write_folder(tmp_path / "model")
+    model = json.loads((folder / "model.json").read_text())
+    (folder / "model.json").write_text(json.dumps({**model, "runs": ["b", "another"]}))
+    answer = rig("report", folder)
+    assert answer.exit_code == 5
+    assert "it was fitted to another, which loop.json does not have" in " ".join(answer.stderr.split())
+
+
 def test_a_folder_with_nothing_to_report_is_refused(tmp_path: Path) -> None:
     for path, told in ((tmp_path, "neither a loop.json nor a log"), (tmp_path / "x", "no such file or folder")):
         answer = rig("report", path)

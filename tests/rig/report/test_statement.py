@@ -10,6 +10,7 @@ from tests.rig.report.folders import ERRORS, loop_content
 GRAVITY = {"verdict": "named", "effect": "gravity-load"}
 LAG = {"verdict": "ambiguous", "effect": "ambiguous:channel-delay|torque-sensor-lag"}
 WORSE = {**ERRORS, "rms_before": 2.5e-4, "rms_after": 3.5e-4, "floor": None}
+SIDES = {"train": ("locked-output", "free-run", "backdrive"), "held_out": ("locked-output",)}
 ABSORBED = {
     "verdict": "absorbed",
     "parameter": "K_F0",
@@ -29,6 +30,12 @@ def test_a_named_effect_with_what_it_removes() -> None:
         "The model lacks gravity-load; on 1 held-out run the error of torsion falls from 24 to 4 µrad rms "
         "(noise alone leaves 3.9 µrad)."
     )
+
+
+def test_a_procedure_that_no_held_out_run_tests_is_named() -> None:
+    sides = {side: {**ERRORS, "by_procedure": dict.fromkeys(names, ERRORS)} for side, names in SIDES.items()}
+    text = said("none", equations={"torsion": {"unit": "rad", **sides}})
+    assert text.endswith("; no held-out run tests free-run or backdrive.")
 
 
 def test_an_ambiguous_set_is_not_said_for_sure() -> None:
