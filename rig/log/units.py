@@ -102,3 +102,15 @@ def to_si(values: Floats, unit: Unit) -> Floats:
         return values
     with np.errstate(over="ignore"):
         return values * unit.factor / unit.divisor + unit.offset
+
+
+MIXED_UP = 1.5
+"""Factor within which numbers are those of another unit."""
+
+
+def mixed_up(si: str, factor: float) -> str | None:
+    """Give the unit in which numbers are about `factor` times those in `si`, None where none is."""
+    scales = {name: unit.divisor / unit.factor for name, unit in UNITS.items() if unit.si == si and name != si}
+    near = {name: abs(math.log(factor / scale)) for name, scale in scales.items()} if factor > 0.0 else {}
+    best = min(near, key=lambda name: near[name], default=None)
+    return best if best is not None and near[best] < math.log(MIXED_UP) else None

@@ -12,6 +12,7 @@ import numpy as np
 
 from rig.config.dut import Dut
 from rig.log.run import ProcedureName
+from rig.log.units import mixed_up
 from rig.loop.model.equations import Equation, Law
 from rig.loop.model.parameters import flexspline_entries
 from rig.loop.model.prediction import Model
@@ -373,6 +374,8 @@ def _absorbed(selection: Selection, dut: Dut) -> list[Open]:
     low, high = estimate.ci95
     if abs(deviation) < STIFFNESS_DEVIATION or low <= catalogue <= high:
         return []
+    unit = mixed_up("N*m", estimate.value / catalogue)
+    units = f"; the torques look like {unit} that were taken for N*m" if unit else ""
     return [
         Open(
             verdict=Verdict.ABSORBED,
@@ -383,7 +386,7 @@ def _absorbed(selection: Selection, dut: Dut) -> list[Open]:
                 "fitted": estimate.value,
                 "catalogue": catalogue,
                 "unit": stiffness.unit,
-                "meaning": "these runs cannot separate the members of the group",
+                "meaning": f"these runs cannot separate the members of the group{units}",
             },
         )
     ]

@@ -8,6 +8,7 @@ import numpy as np
 from rig.config.catalogue import doubt
 from rig.config.dut import Dut
 from rig.log.run import SWEEPS, ProcedureName, Run
+from rig.log.units import mixed_up
 from rig.loop.files.model_file import Model as ModelFile
 from rig.loop.fitting.fit import Fit
 from rig.loop.fitting.intervals import hidden_share
@@ -229,9 +230,11 @@ def _of_the_device_file(runs: Sequence[Run], dut: Dut, model: Model) -> list[str
     found += finer_grids(runs, dut)
     logged, given = _logged_torque_constant(runs), dut.motor.torque_constant
     if logged is not None and given is not None and abs(logged / given - 1.0) > OFF_CONSTANT:
+        unit = mixed_up("N*m", logged / given)
+        correct = f"It looks like {unit}: state the unit and import again" if unit else "Correct the device file"
         found.append(
             f"The logs' motor_torque is {logged:.4g} N*m for 1 A of motor_current, but the device file's "
-            f"torque_constant is {given:.4g} N*m/A: motor_torque was taken as recorded. Correct the device file."
+            f"torque_constant is {given:.4g} N*m/A: motor_torque was taken as recorded. {correct}."
         )
     return found
 

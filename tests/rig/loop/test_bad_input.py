@@ -246,6 +246,16 @@ def test_a_catalogue_stiffness_that_is_off_is_absorbed_with_its_group_and_no_eff
     assert ("fixture-compliance" in told.group) == (factor > 1.0)  # a fixture yields: it makes no drive stiffer
 
 
+def test_torques_in_millis_are_said_to_look_like_them() -> None:
+    runs, held_out = drawn(LOCKED)
+    millis = [scaled(run, {"motor_torque": 1e3, "output_torque": 1e3}) for run in runs]
+    result = trace(millis, dut(), LoopOptions(held_out=held_out))
+    assert result.effects == ()
+    (told,) = (item for item in result.open if item.verdict is Verdict.ABSORBED)
+    assert "the torques look like mN*m that were taken for N*m" in str(told.evidence["meaning"])
+    assert any("It looks like mN*m: state the unit and import again" in text for text in result.warnings)
+
+
 def test_a_torque_constant_that_is_a_tenth_off_is_told_with_its_group_and_never_as_one_name() -> None:
     runs, held_out = drawn(LOCKED)
     result = trace([scaled(r, dict.fromkeys(MOTOR, 1.1)) for r in runs], dut(), LoopOptions(held_out=held_out))
