@@ -15,6 +15,7 @@ from drivers.signals import BY_NAME
 from rig.config.dut import Dut
 from rig.log.run import SWEEPS, ProcedureName, Run
 from rig.loop.signals.living import ANGLES
+from rig.loop.signals.missing import unheld
 from rig.loop.signals.recordings import FEWEST_SAMPLES
 from rig.loop.signals.tracks import Track
 from rig.terminal import counted
@@ -218,8 +219,9 @@ def check_jumps(runs: Sequence[Run]) -> None:
         for name in ANGLES:
             if name not in run.signals:
                 continue
-            good = np.isfinite(run.signals[name])
-            time, angle = run.time[good], run.signals[name][good]
+            read = unheld(run.signals[name])
+            good = np.isfinite(read)
+            time, angle = run.time[good], read[good]
             at = _jumps(time, angle)
             if not at.size:
                 continue

@@ -368,6 +368,16 @@ def test_an_angle_that_goes_on_over_missing_samples_does_not_jump(share: float) 
     check_jumps([lacking(turning_run("a", 1, speed=60.0), share)])
 
 
+@pytest.mark.parametrize("rows", [3, 5])
+def test_an_angle_that_is_read_every_few_rows_and_held_does_not_jump(rows: int) -> None:
+    run = turning_run("a", 1, speed=60.0)
+    held = run.signals["motor_position"][np.arange(run.time.size) // rows * rows]
+    check_jumps([replace(run, signals={**run.signals, "motor_position": held})])
+    lost = held + np.where(run.time >= 8.0, 40.0, 0.0)
+    with pytest.raises(DataError, match=r"motor_position jumps by .* rad at 7\.9\d s, 1 time in this run"):
+        check_jumps([replace(run, signals={**run.signals, "motor_position": lost})])
+
+
 @pytest.mark.parametrize("share", [0.03, 0.3])
 @pytest.mark.parametrize(("speed", "step"), [(0.5, 0.5), (20.0, 40.0)])
 def test_an_angle_that_jumps_over_a_missing_sample_is_refused(share: float, speed: float, step: float) -> None:
