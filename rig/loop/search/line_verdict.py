@@ -29,13 +29,14 @@ from rig.loop.search.acceptance import (
 from rig.loop.search.aliases import beats, samplings, small_beats, stands_still
 from rig.loop.search.companions import next_line
 from rig.loop.search.compliance_form import other_compliance
+from rig.loop.search.conditions import consistent, followed_up_to
 from rig.loop.search.decision import Accepted, Decision, Unadded
 from rig.loop.search.groups import SET_SHARE, SINGLE_ANGLE_SET, TWINS
 from rig.loop.search.line_candidates import LineCandidate
 from rig.loop.search.proposals import KINEMATIC_ERROR, Proposal, is_nameless_angle, same_place
 from rig.loop.search.shape_trials import ShapeTrial, scales_of
 from rig.loop.search.start_angles import enough, start_angle
-from rig.loop.search.trial import Ground, Trial, consistent, explain_the_same, followed_up_to, prepare, try_line
+from rig.loop.search.trial import Ground, Trial, explain_the_same, prepare, try_line
 from rig.loop.search.tried import by_gain, tried_line, tried_shape
 
 BESIDE_AN_ANGLE = "beside another angle error it may be what that leaves, or the encoders' counts"

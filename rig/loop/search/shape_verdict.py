@@ -25,12 +25,13 @@ from rig.loop.search.acceptance import (
 )
 from rig.loop.search.aliases import counts_pass
 from rig.loop.search.compliance_form import like_form, other_compliance
+from rig.loop.search.conditions import consistent_shape
 from rig.loop.search.contenders import explained_by
 from rig.loop.search.decision import Accepted, Decision, Unadded
 from rig.loop.search.groups import LEAST_SLOPE, NESTED, QUOTIENT, SET_SHARE
 from rig.loop.search.line_candidates import LineCandidate, best_of_classes
 from rig.loop.search.shape_trials import Scales, ShapeTrial, largest_of, scales_of, shape_of, shape_trials
-from rig.loop.search.trial import Ground, Trial, consistent_shape, explain_the_same, prepare, try_columns
+from rig.loop.search.trial import Ground, Trial, explain_the_same, prepare, try_columns
 from rig.loop.search.tried import by_gain, tried_line, tried_shape
 from sim_backend.model.effects import Enters
 

@@ -30,10 +30,11 @@ from rig.loop.search.acceptance import (
     pays_jointly,
     unpaid_by,
 )
+from rig.loop.search.conditions import consistent_shape
 from rig.loop.search.contenders import by_joint_fit
 from rig.loop.search.decision import Decision
 from rig.loop.search.shape_trials import Scales, ShapeTrial, scales_of, shape_of, sized
-from rig.loop.search.trial import Ground, consistent_shape, prepare, try_columns
+from rig.loop.search.trial import Ground, prepare, try_columns
 from rig.loop.search.tried import tried_shape
 from rig.loop.workers.held import Held
 from sim_backend.model.effects import Enters

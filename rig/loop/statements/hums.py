@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import gamma
 
-from rig.loop.search.trial import SPEED_STEP
+from rig.loop.search.conditions import SPEED_STEP
 from rig.loop.statements.residuals import Residual
 
 Floats = NDArray[np.float64]
