@@ -10,12 +10,15 @@ from rig.loop.model.terms import Line, TermClass
 from rig.loop.search.aliases import aliases, likeliest, samplings
 from rig.loop.search.decision import Unadded
 from rig.loop.search.groups import SET_SHARE
-from rig.loop.search.lines import LEAST_CYCLES, USUAL_HIGHEST_ORDER, refine
+from rig.loop.search.lines import LEAST_CYCLES, USUAL_HIGHEST_ORDER, averaged_over, refine
 from rig.loop.search.proposals import Proposal, propose
 from rig.loop.search.trial import ColumnsOf, Ground, Trial, line_at, line_gains, try_line
 
 STANDS_OUT = 30.0
 """Power over the median of the neighbourhood of a line that is looked at however little it explains."""
+
+KEPT_BY_MEANS = 0.6
+"""rad of a line between two means that keep it: they take a hundredth and a half of its amplitude."""
 
 MATTERS, MOST_LOOKED_AT = 0.3, 8
 """Share of the best gain from which on a line that does not stand out is looked at, and how many are."""
@@ -52,14 +55,16 @@ class LineCandidate:
 
 
 def line_candidates(ground: Ground, sparse: Ground, known: Mapping[str, float]) -> list[LineCandidate]:
-    """Give everything that the residual proposes, best first, its order refined on `sparse`, the ground on few samples.
+    """Give everything that the residual proposes, best first, with its order refined.
 
-    What is chosen is refined again by the joint fit, with all samples.
+    Orders are looked for on `sparse`, the ground on few samples, as far as their means keep a line of that order; what
+    is chosen is refined again by the joint fit, with all samples.
     """
     proposals, free_tests, fixed_tests = propose(ground, known)
     gained = line_gains(ground, [(p.kind, p.order) for p in proposals])
     scored = sorted(zip(gained, proposals, strict=True), key=lambda pair: -pair[0])
     sampled = {variable: samplings(ground.fit.linear, variable) for variable in {p.kind.variable for p in proposals}}
+    averaged = {variable: averaged_over(sparse.fit, variable) for variable in sampled}
     found: list[LineCandidate] = []
     for rank, (gain, proposal) in enumerate(scored):
         rivals = [x.trial.gain for x in found if not proposal.expected or x.proposal.kind == proposal.kind]
@@ -68,7 +73,8 @@ def line_candidates(ground: Ground, sparse: Ground, known: Mapping[str, float]) 
             continue
         order, tests = proposal.kind.fixed_order, fixed_tests
         if order is None:
-            gain_at = functools.partial(gains_at, sparse, proposal.kind)
+            seen = proposal.order * averaged[proposal.kind.variable] < KEPT_BY_MEANS
+            gain_at = functools.partial(gains_at, sparse if seen else ground, proposal.kind)
             order = refine(gain_at, proposal.order, proposal.resolution)
             tests = fixed_tests if proposal.expected else free_tests
             legs = sampled[proposal.kind.variable]

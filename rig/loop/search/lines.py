@@ -36,6 +36,9 @@ at several speeds most aliases differ; those that do not are dealt with in `rig.
 SHARES = np.linspace(0.0, 1.0, 101)
 """Shares of a piece's steps by which they are told."""
 
+MOST_STEPS = 0.9
+"""Share of the steps by which samples are judged."""
+
 OTHER_SPEED = 0.02
 """Relative difference from which legs differ in speed."""
 
@@ -159,6 +162,18 @@ def _factor(item: LinearPiece, times: Times) -> Floats | float:
             return item.evaluation.torque[item.piece.index]
         case _:
             return 1.0
+
+
+def averaged_over(fit: Fit, variable: str) -> float:
+    """Give what most samples of runs that do not turn, which are means, may be averaged over, rad; 0 without any."""
+    return max(fit.linear.map(_usual_step, variable), default=0.0)
+
+
+def _usual_step(item: LinearPiece, variable: str) -> float:
+    position = item.evaluation.positions.get(variable)
+    if item.piece.track.moves or position is None or item.piece.index.size < 2:
+        return 0.0
+    return float(np.quantile(np.abs(np.diff(position[item.piece.index])), MOST_STEPS))
 
 
 def one_speed(fit: Fit, kind: Kind) -> bool:
