@@ -93,11 +93,10 @@ class ImportMap(FileModel):
         for name, item in (table.get("signals") or {}).items():
             yield from _signal_conflicts(name, item or {})
             column = (item or {}).get("column")
-            if not isinstance(column, str) or name.startswith(AUXILIARY_PREFIX):
-                continue
-            if column in taken:
-                yield Conflict(("signals", name, "column"), column, f"is taken for {taken[column]} already")
-            taken.setdefault(column, name)
+            if isinstance(column, str):
+                if column in taken:
+                    yield Conflict(("signals", name, "column"), column, f"is taken for {taken[column]} already")
+                taken.setdefault(column, name)
         by = ((table.get("run") or {}).get("split") or {}).get("by")
         if by is not None and by not in _NAMES:
             yield Conflict(("run", "split", "by"), by, f"is no signal{did_you_mean(by, _NAMES)}")

@@ -102,7 +102,7 @@ class Sides(Protocol):
 
 
 def fitted_alone(equations: Mapping[str, Sides]) -> list[str]:
-    """Give the procedures that were fitted and of which no run was held out: no equation is tested there."""
+    """Give the procedures that were fitted and in which no held-out run tests any equation."""
     fitted, tested = (
         {name: None for side in sides if side is not None for name in side.by_procedure}
         for sides in ([item.train for item in equations.values()], [item.held_out for item in equations.values()])

@@ -91,7 +91,7 @@ def headline(result: LoopResult) -> str:
     """Say the verdict with its meaning, from how many runs, and what was added."""
     held = f"{counted(len(result.train), 'training run')}, {len(result.held_out)} held out"
     alone = fitted_alone(result.equations)
-    held += f", none of {' or '.join(alone)}" if alone else ""
+    held += f", none tests {' or '.join(alone)}" if alone else ""
     apart = result.views.apart
     held += f", not counting {', '.join(apart)}, of another kind" if apart else ""
     added = f"added: {', '.join(result.effects)}" if result.effects else "nothing was added"

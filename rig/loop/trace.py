@@ -34,6 +34,7 @@ from rig.loop.signals.checks import (
     check_signs,
     check_torques,
 )
+from rig.loop.signals.copies import without_copies
 from rig.loop.signals.grid import check_counts
 from rig.loop.signals.living import living
 from rig.loop.signals.recordings import check_recordings, too_short
@@ -88,6 +89,7 @@ def trace(
     check_jumps(runs)
     recorded = [*campaign.train, *campaign.held_out]
     used, dead = living(recorded)
+    used, copied = without_copies(used)
     alive = {run.name for run in used if run.signals}
     runs = [run for run in runs if run.name in alive]
     check_recordings(runs)
@@ -98,7 +100,7 @@ def trace(
         measured = _measured(held, campaign, runs, dut, options)
         chosen = _without_odd(measured, _searched(measured, on_stage), on_stage)
         on_stage(f"looking at {counted(len(campaign.held_out), 'held-out run')}")
-        result = _result(measured, chosen, [*dead, *of_the_current(recorded, used, dut)])
+        result = _result(measured, chosen, [*dead, *copied, *of_the_current(recorded, used, dut)])
     return replace(result, elapsed=clock.now() - started)
 
 
@@ -201,7 +203,7 @@ def _of_training(measured: _Measured, found: _Searched) -> tuple[tuple[Open, ...
     pairs = _looked_at(measured, found, train)
     fitted = [pair for pair in pairs if pair.run != found.odd]
     wrong = wrong_experiments(
-        measured.train, found.fitted, [pair.calm for pair in pairs], measured.dut, model, found.odd
+        measured.train, found.fitted, [pair.kept_apart_by for pair in pairs], measured.dut, model, found.odd
     )
     right = [pair for pair in fitted if pair.run not in wrong.told]
     judged = equations_of({"train": right, "held_out": []}, measured.dut, model, wrong.runs)
@@ -218,8 +220,8 @@ def _result(measured: _Measured, found: _Searched, dead: Sequence[str]) -> LoopR
         "train": [pair for pair in pairs if pair.run in found.fitted],
         "held_out": [pair for pair in pairs if pair.run not in found.fitted and pair.run != found.odd],
     }
-    calm = [pair.calm for pair in pairs]
-    wrong = wrong_experiments(measured.known, found.fitted, calm, dut, final.model, found.odd)
+    calm, apart_by = [pair.calm for pair in pairs], [pair.kept_apart_by for pair in pairs]
+    wrong = wrong_experiments(measured.known, found.fitted, apart_by, dut, final.model, found.odd)
     equations = equations_of(sides, dut, final.model, wrong.runs)
     refuse_leaks(equations, campaign.held_out, {item.equation for item in louder(calm)})
     changes = {

@@ -120,7 +120,7 @@ def _effect_on_errors(loop: LoopFile) -> str:
 def _open_equations(loop: LoopFile) -> list[str]:
     """Give the equations of which the campaign's verdict is said, each once."""
     told = [item.evidence.get("equation") for item in loop.open if item.verdict == loop.verdict]
-    return list(dict.fromkeys(name for name in told if isinstance(name, str)))
+    return list(dict.fromkeys(one for names in told if isinstance(names, str) for one in names.split(", ")))
 
 
 def _is_worse(item: Equation) -> bool:

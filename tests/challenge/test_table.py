@@ -1,14 +1,19 @@
 """What the table counts, and what it leaves out of which bar."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
+from tests.challenge.cases import REPORT, UNSEEN
 from tests.challenge.table import Bar, bars, report
 
 ROOT = Path(__file__).parents[2]
+
+PAGE, SEEDS_A_COUNT = ROOT / "docs" / "challenge.md", 100
+"""Where counts are told, and how many seeds one may have looked at from the first that the page names."""
 
 
 def line(family: str, naming: str, hidden: list[str] | None = None, **other: Any) -> dict[str, Any]:
@@ -151,3 +156,10 @@ def test_a_reader_that_stops_early_is_no_error(tmp_path: Path) -> None:
     done = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, text=True, cwd=ROOT, check=False)
     os.close(writing)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_no_seed_that_is_taken_for_unseen_stands_in_a_figure_that_was_told():
+    told = [int(seed) for seed in re.findall(r"seeds (\d{5}) on", PAGE.read_text(encoding="utf-8"))]
+    assert len(told) > 3
+    assert max(told) + SEEDS_A_COUNT <= UNSEEN.start
+    assert UNSEEN.stop <= REPORT.stop

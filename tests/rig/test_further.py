@@ -122,7 +122,9 @@ def test_the_headline_says_of_which_procedure_no_run_was_held_out():
         for names in (("free-run", "backdrive"), ("backdrive",))
     )
     equations = {"motor-torque": EquationResult("N*m", tested, fitted), "torsion": EquationResult("rad", None, tested)}
-    assert "(1 training run, 1 held out, none of free-run; nothing" in headline(replace(result(), equations=equations))
+    assert "(1 training run, 1 held out, none tests free-run; nothing" in headline(
+        replace(result(), equations=equations)
+    )
 
 
 def test_the_rival_that_nothing_is_missing_is_no_effect_of_the_catalogue():

@@ -219,9 +219,8 @@ def check_jumps(runs: Sequence[Run]) -> None:
         for name in ANGLES:
             if name not in run.signals:
                 continue
-            read = unheld(run.signals[name])
-            good = np.isfinite(read)
-            time, angle = run.time[good], read[good]
+            good = _read_at(run.signals[name])
+            time, angle = run.time[good], run.signals[name][good]
             at = _jumps(time, angle)
             if not at.size:
                 continue
@@ -237,6 +236,16 @@ def check_jumps(runs: Sequence[Run]) -> None:
                 if wraps
                 else "The encoder lost its place or single values are wrong: leave the run out or repeat it.",
             )
+
+
+def _read_at(angle: Floats) -> NDArray[np.bool_]:
+    """Tell in which rows (n,) an angle is known: of one that is held over rows where it was read, at rest as well."""
+    known, readings = np.isfinite(angle), np.flatnonzero(np.isfinite(unheld(angle)))
+    if readings.size < 2 or readings.size == np.count_nonzero(known):
+        return known
+    every = max(1, round(float(np.median(np.diff(readings)))))
+    last = readings[np.maximum(np.searchsorted(readings, np.arange(angle.size), side="right") - 1, 0)]
+    return np.asarray(known & ((np.arange(angle.size) - last) % every == 0))
 
 
 def _jumps(time: Floats, angle: Floats) -> NDArray[np.intp]:

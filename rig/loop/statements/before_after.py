@@ -35,6 +35,15 @@ class BeforeAfter:
         return without_events(self.after, self.events)
 
     @property
+    def kept_apart_by(self) -> Residual:
+        """What tells whether the run is another experiment: what is left, or was where the effects made it worse.
+
+        A run that the model fitted without them is none.
+        """
+        worse = rms(self.calm.values) > WORSE_PROCEDURE * rms(self.before.values)
+        return self.before if worse else self.calm
+
+    @property
     def run(self) -> str:
         """Name of the run."""
         return self.after.piece.track.name

@@ -375,7 +375,7 @@ def _absorbed(selection: Selection, dut: Dut) -> list[Open]:
     if abs(deviation) < STIFFNESS_DEVIATION or low <= catalogue <= high:
         return []
     unit = mixed_up("N*m", estimate.value / catalogue)
-    units = f"; the torques look like {unit} that were taken for N*m" if unit else ""
+    units = f"; torques in {unit} that were taken for N*m would do so, or K1 and K2 in another unit" if unit else ""
     return [
         Open(
             verdict=Verdict.ABSORBED,

@@ -230,8 +230,10 @@ def _of_the_device_file(runs: Sequence[Run], dut: Dut, model: Model) -> list[str
     found += finer_grids(runs, dut)
     logged, given = _logged_torque_constant(runs), dut.motor.torque_constant
     if logged is not None and given is not None and abs(logged / given - 1.0) > OFF_CONSTANT:
-        unit = mixed_up("N*m", logged / given)
-        correct = f"It looks like {unit}: state the unit and import again" if unit else "Correct the device file"
+        torque = mixed_up("N*m", logged / given) if logged > given else None
+        current = mixed_up("A", given / logged) if given > logged else None
+        looks = f"motor_torque looks like {torque}" if torque else f"motor_current looks like {current}"
+        correct = f"{looks}: state the unit and import again" if torque or current else "Correct the device file"
         found.append(
             f"The logs' motor_torque is {logged:.4g} N*m for 1 A of motor_current, but the device file's "
             f"torque_constant is {given:.4g} N*m/A: motor_torque was taken as recorded. {correct}."

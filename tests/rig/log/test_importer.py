@@ -219,6 +219,7 @@ def test_rules_between_values_are_checked_where_a_value_is_wrong(tmp_path: Path)
         ('[signals.output_torque]\ncolumn = "a"\nscale = 0\n', "erase"),
         ('[signals.output_torque]\ncolumn = "a"\noffset = inf\n', "finite"),
         ('[signals.time]\ncolumn = "a"\n[signals.output_torque]\ncolumn = "a"\n', "is taken for time already"),
+        ('[signals.motor_torque]\ncolumn = "a"\n[signals.aux_iq]\ncolumn = "a"\n', "taken for motor_torque already"),
         ('[run.split]\nby = "motor_positon"\nblocks = 3\n', "did you mean motor_position"),
         ("[run.split]\nblocks = 3\nperiod = 2\n", "either blocks or period"),
         ("[run.split]\nblocks = 1\n", "greater than or equal to 2"),

@@ -252,8 +252,15 @@ def test_torques_in_millis_are_said_to_look_like_them() -> None:
     result = trace(millis, dut(), LoopOptions(held_out=held_out))
     assert result.effects == ()
     (told,) = (item for item in result.open if item.verdict is Verdict.ABSORBED)
-    assert "the torques look like mN*m that were taken for N*m" in str(told.evidence["meaning"])
-    assert any("It looks like mN*m: state the unit and import again" in text for text in result.warnings)
+    assert "torques in mN*m that were taken for N*m would do so" in str(told.evidence["meaning"])
+    assert any("motor_torque looks like mN*m: state the unit and import again" in text for text in result.warnings)
+
+
+def test_a_current_in_millis_is_not_held_against_the_torque() -> None:
+    runs, held_out = drawn(LOCKED)
+    millis = [scaled(run, {"motor_current": 1e3}) for run in runs]
+    result = trace(millis, dut(), LoopOptions(held_out=held_out))
+    assert any("motor_current looks like mA: state the unit and import again" in text for text in result.warnings)
 
 
 def test_a_torque_constant_that_is_a_tenth_off_is_told_with_its_group_and_never_as_one_name() -> None:
@@ -375,6 +382,18 @@ def test_an_angle_that_is_read_every_few_rows_and_held_does_not_jump(rows: int) 
     check_jumps([replace(run, signals={**run.signals, "motor_position": held})])
     lost = held + np.where(run.time >= 8.0, 40.0, 0.0)
     with pytest.raises(DataError, match=r"motor_position jumps by .* rad at 7\.9\d s, 1 time in this run"):
+        check_jumps([replace(run, signals={**run.signals, "motor_position": lost})])
+
+
+@pytest.mark.parametrize("rows", [1, 3, 5])
+@pytest.mark.parametrize("at", [7.9, 8.0])
+def test_an_encoder_that_loses_its_place_while_the_shaft_rests_is_refused(rows: int, at: float) -> None:
+    run = turning_run("a", 1, speed=60.0)
+    place = np.interp(run.time, [0.0, 7.0, 8.0, 24.0], [0.0, 400.0, 400.0, 1300.0])
+    held = np.arange(run.time.size) // rows * rows
+    check_jumps([replace(run, signals={**run.signals, "motor_position": place[held]})])
+    lost = (place + np.where(run.time >= at, 40.0, 0.0))[held]
+    with pytest.raises(DataError, match=r"motor_position jumps by .* rad at \d\.\d+ s, 1 time in this run"):
         check_jumps([replace(run, signals={**run.signals, "motor_position": lost})])
 
 

@@ -10,12 +10,14 @@ from rig.loop.campaign import LoopOptions
 from rig.loop.model.equations import Equation
 from rig.loop.result import LoopResult, Verdict
 from rig.loop.signals.tracks import make_track
+from rig.loop.statements.before_after import BeforeAfter
 from rig.loop.statements.wrong_experiment import Error, inputs_of, outside, worse_than_fitted
 from rig.loop.table import headline, text_of
 from rig.loop.trace import trace
 from tests.independent.campaign import Campaign, Plan
 from tests.independent.effects import Arm, Effects, Line
 from tests.rig.loop.runs import dut, runs_of, turning_run
+from tests.rig.loop.statements.left import left_of
 
 FREE = Plan(locked_angles=0, locked_pairs=0, backdrives=0, free_runs=4, free_run_pairs=1)
 KINEMATIC = Effects(kinematic_error=(Line(2.0, 1e-4, 0.3),))
@@ -105,6 +107,16 @@ def test_a_held_out_run_beyond_the_range_is_excused_only_where_it_is_worse_than_
     fitted = [error("a", 1.0), error("b", 1.0), error("c", 1.0), error("d", 5.0)]
     odd = error("e", slow)
     assert worse_than_fitted([odd], [*fitted, odd], set("abcd")) == ({"e"} if excused else set())
+
+
+@pytest.mark.parametrize(("factor", "kept"), [(0.5, "after"), (1.05, "after"), (1.3, "before"), (9.0, "before")])
+def test_a_run_that_the_effects_make_worse_is_judged_by_what_the_model_left_without_them(
+    factor: float, kept: str
+) -> None:
+    residuals, _ = left_of(Campaign(5, plan=replace(FREE, free_runs=2), rate=100.0).recordings())
+    before = residuals[0]
+    pair = BeforeAfter(before, replace(before, values=factor * before.values))
+    assert pair.kept_apart_by is {"before": pair.before, "after": pair.after}[kept]
 
 
 def hotter(run: Run) -> Run:
