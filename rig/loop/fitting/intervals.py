@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
+from scipy.stats import f as fisher
 from scipy.stats import t as student
 
 from rig.loop.fitting.fit import Fit
@@ -108,9 +109,32 @@ def of_few(variances: Floats) -> Floats:
     Source: Bell and McCaffrey, "Bias reduction in standard errors for linear regression with multi-stage samples",
     Survey Methodology 28 (2002) 169-181: their freedom, with one mean for all regressors.
     """
+    return np.asarray(student.ppf(0.975, _freedom(variances)) / student.ppf(0.975, 1000))
+
+
+def _freedom(variances: Floats) -> Floats:
     count = variances.sum(axis=0) ** 2 / np.maximum((variances**2).sum(axis=0), 1e-300)
-    freedom = np.maximum(count - 1.0, 1.0)
-    return np.asarray(student.ppf(0.975, freedom) / student.ppf(0.975, 1000))
+    return np.asarray(np.maximum(count - 1.0, 1.0))
+
+
+def chance(state: Fit, number: int) -> float:
+    """Give the chance that the amplitudes of a fitted effect are as far from 0 if all of them are 0.
+
+    By Hotelling's T**2 over their covariance, with the freedom of the blocks that tell of them: it knows what the fit
+    leaves, and takes sums over blocks for normal. 1 where no more blocks tell of them than there are amplitudes.
+    """
+    term, first = state.model.shapes[number], state.columns.of_shape(number).start
+    amplitudes = {first + place: term.values[k] for place, k in enumerate(term.free) if not term.is_logarithmic(k)}
+    places, values = list(amplitudes), np.array(list(amplitudes.values()))
+    A = state.normal.A.sum(axis=0) + np.diag(state.prior)
+    inverse = solve(A, np.eye(A.shape[0]))
+    _, information = _independent(state)
+    freedom = float(_freedom(np.einsum("jk,bkl,lj->bj", inverse, information, inverse))[places].min())
+    rest = freedom - len(places) + 1.0
+    if rest < 1.0:
+        return 1.0
+    squared = float(values @ solve(covariance(state)[np.ix_(places, places)], values))
+    return float(fisher.sf(squared * rest / (len(places) * freedom), len(places), rest))
 
 
 def _unsure_ripple(state: Fit) -> Floats:

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rig.loop.fitting.fit import Fit, Material, fit, refit, with_noise
+from rig.loop.fitting.fit import SHORTEST_BLOCK, Fit, Material, fit, refit, with_noise
+from rig.loop.fitting.intervals import chance
 from rig.loop.model.equations import Equation
 from rig.loop.model.prediction import Model
 from rig.loop.model.shapes import ShapeClass, ShapeTerm
@@ -40,6 +41,9 @@ LEAST_DELAY = 5e-4
 
 MOST_MEMBERS = 2
 """Rivals of a set that are fitted to see which of it fits best."""
+
+LOOKS = 3.0
+"""Tests that a candidate is given: before and after the joint fit, and by what that leaves."""
 
 REACH = 0.5
 """Share of the largest speed up to which an effect must have changed."""
@@ -132,9 +136,11 @@ def judge_shape(
     if unpaid and not _may_pay(pieces, ground, model):
         return unadded(unpaid)
     joint = refit(pieces, ground.fit, model)
-    again = prepare(with_noise(ground.fit, joint.noise))
+    again = prepare(with_noise(ground.fit, joint.noise, SHORTEST_BLOCK))
     second = try_columns(again, term.effect.id, shape_of(joint.model.shapes[-1]))
-    p_value = min(1.0, 2.0 * min(p_value, second.single_p * candidate.tests))
+    # what acts at reversals lies in few long blocks, whose signs alone cannot tell much
+    third = chance(joint, len(joint.model.shapes) - 1)
+    p_value = min(1.0, LOOKS * min(p_value, second.single_p * candidate.tests, third * candidate.tests))
     if p_value > alpha:
         return None
     if unpaid and not pays_jointly(ground.fit, joint):
