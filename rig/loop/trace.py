@@ -38,7 +38,7 @@ from rig.loop.signals.copies import without_copies
 from rig.loop.signals.grid import check_counts
 from rig.loop.signals.living import living
 from rig.loop.signals.recordings import check_recordings, too_short
-from rig.loop.signals.sweeps import check_sweeps, check_work
+from rig.loop.signals.sweeps import check_steps, check_sweeps, check_work
 from rig.loop.signals.tracks import SMOOTHING, Track, make_track
 from rig.loop.statements.before_after import (
     BeforeAfter,
@@ -94,6 +94,7 @@ def trace(
     runs = [run for run in runs if run.name in alive]
     check_recordings(runs)
     check_sweeps(runs, dut)
+    check_steps(runs)
     check_counts(runs, dut)
     fitted = {run.name for run in campaign.train}
     with hold(used, [_work(run, fitted) for run in used], options.scheduler) as held:
@@ -282,7 +283,17 @@ def _check_equations(
                 [*too_short(campaign.train), "Check the channels in the log, and the ratio in the device file."]
             ),
         )
-    if not any(pieces_of(track, ratio) for track in held_out):
+    tests = {(piece.equation, track.procedure) for track in held_out for piece in pieces_of(track, ratio)}
+    fitted = {(known.equation, known.procedure) for known in pieces.map(about)}
+    if tests and not tests & fitted:
+        raise DataError(
+            ", ".join(track.name for track in held_out[:4]),
+            f"the held-out runs are {' and '.join(sorted({procedure for _, procedure in tests}))} and none such was "
+            "fitted: nothing that was fitted would be tested",
+            expected="a held-out run of each procedure, and others of it to fit",
+            hint="Hold out other runs with --held-out, or leave it away.",
+        )
+    if not tests:
         raise DataError(
             ", ".join(track.name for track in held_out[:4]),
             "no equation can be formed from the held-out runs: nothing would test the model",

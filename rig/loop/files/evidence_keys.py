@@ -78,7 +78,7 @@ def in_words(evidence: Mapping[str, T], of_equation: tuple[str, float]) -> list[
     for key, value in evidence.items():
         unit = KEYS[key].unit if key in KEYS else ""
         error = unit == OF_EQUATION
-        if value is None or (key == "unit" and "," not in own):
+        if value is None or value == [] or (key == "unit" and "," not in own):
             continue
         said = {OF_EQUATION: shown, OF_STATEMENT: own}.get(unit, unit if unit in ("rad/s", "Hz") else "")
         found.append((key, words_of(key), _scaled(value, scale) if error and shown else value, said))

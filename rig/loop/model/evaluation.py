@@ -247,6 +247,10 @@ class Added:
         parts += [addition(term, signals, self.step) for term in self._at(Place.FRICTION)]
         return _sum(signals["direction"].size, parts) if parts else None
 
+    def misreads(self, signal: str) -> bool:
+        """Whether a term makes this signal read otherwise, by what the signal itself is."""
+        return any(term.effect.reads == signal and signal in term.effect.signals for term in self.shapes)
+
     def _at(self, place: Place) -> list[ShapeTerm]:
         return [term for term in self.shapes if place_of(term.effect) is place]
 

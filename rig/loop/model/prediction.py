@@ -20,7 +20,7 @@ stay in the rotor: the wave generator carries the load and the rest of the runni
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,6 +61,9 @@ LEVEL_PASSES, SETTLED = 40, 1e-6
 
 READING_PASSES = 3
 """Rounds in which a current takes up the reading that it makes."""
+
+LEAST_SLOPE = -0.5
+"""Least slope of what is misread of a torque over the torque, by which the torque is looked for."""
 
 LOG_STEP = 1e-4
 """Relative change of a parameter over which a law's torsion is differenced: right to 1e-8."""
@@ -219,6 +222,42 @@ def _yield_of_lock(track: Track, output: Floats) -> Floats:
     return torque * (float(torque @ output) / power if power > 0.0 else 0.0)
 
 
+def _misread(reading: Floats, of_true: Callable[[Floats], Floats], *, misreads: bool) -> Floats:
+    """Give what a torque (n,) that reads `reading` is added, where `of_true` gives that of the torque itself.
+
+    By secants: a gain is solved at once, what bends in a few rounds.
+    """
+    error = of_true(reading)
+    for _ in range(READING_PASSES if misreads else 0):
+        torque = reading - error
+        added, power = of_true(torque), float(torque @ torque)
+        slope = max(float(added @ torque) / power, LEAST_SLOPE) if power > 0.0 else 0.0
+        error = error - (reading - added - torque) / (1.0 + slope)
+    return error
+
+
+def _load_added(track: Track, model: Model, added: Added, signals: dict[str, Floats], *, averaged: bool) -> Floats:
+    """Give what is added to the output's balance, N*m, (n,): the sensor's own error is that of the true torque."""
+    return _misread(
+        _load(track, model),
+        lambda torque: added.load(signals | {"output_torque": torque}, averaged=averaged),
+        misreads=added.misreads("output_torque"),
+    )
+
+
+def _motor_added(reading: Floats, added: Added, signals: dict[str, Floats]) -> Floats:
+    """Give what is added to the motor's balance, N*m, (n,), where the motor torque reads `reading` (n,)."""
+    fast = signals.get(FAST_MOTOR_TORQUE)
+
+    def of_true(torque: Floats) -> Floats:
+        true = {"motor_torque": torque}
+        if fast is not None:
+            true[FAST_MOTOR_TORQUE] = fast - np.repeat(reading - torque, fast.size // reading.size)
+        return added.motor(signals | true)
+
+    return _misread(reading, of_true, misreads=added.misreads("motor_torque"))
+
+
 def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Evaluation:
     N = _ratio(model)
     K_w0, C_w = model.value("K_w0"), model.value("C_w")
@@ -227,7 +266,7 @@ def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Eva
     if track.M is not None and track.play_drive is not None:
         signals[FAST_MOTOR_TORQUE] = track.play_drive
     averaged = not _is_loaded(track, model)
-    load = added.load(signals, averaged=averaged)
+    load = _load_added(track, model, added, signals, averaged=averaged)
     T = _load(track, model) - load
     compliance = 1.0 / model.flexspline_stiffness(T)
     flexspline = model.flexspline_torsion(T)
@@ -244,7 +283,7 @@ def _torsion_at(track: Track, model: Model, positions: dict[str, Floats]) -> Eva
             M = T / N + sign * (model.value("T_c") - model.value("T_cr") + (0.0 if level is None else level))
             M = M + viscous_friction(track.speed, model.value("b") - model.value("b_r"))
         else:
-            M = track.M - added.motor(signals)
+            M = track.M - _motor_added(track.M, added, signals)
         wound = wave_generator_torsion(M, K_w0, C_w) / N
         softness = 1.0 / (wave_generator_stiffness(M, K_w0, C_w) * N)
         value = value + wound
@@ -315,7 +354,7 @@ def _backdrive(track: Track, model: Model) -> Evaluation:
     positions = _positions(track, model)
     added = _added(track, model, positions)
     signals = _signals(track, model, positions, _load(track, model), None)
-    load = added.load(signals)
+    load = _load_added(track, model, added, signals, averaged=False)
     play_load = np.zeros(track.size * track.fine) if track.play_load is None else track.play_load
     play_load = play_load - added.load_of_play(load, signals, track.fine)
     T = _load(track, model) - load
@@ -340,7 +379,8 @@ def _locked(track: Track, model: Model) -> Evaluation:
     stand_in = play_output(pushed, radius, track.fine)
     signals = _signals(track, model, positions, stand_in, track.M)
     for _ in range(LEVEL_PASSES if model.lines or model.shapes else 0):
-        pushed = N * (drive - np.repeat(added.motor(signals), track.fine))
+        own = added.motor(signals) if track.M is None else _motor_added(track.M, added, signals)
+        pushed = N * (drive - np.repeat(own, track.fine))
         radius = np.asarray(N * _radius(model.value("T_fs"), added.friction(signals), track.fine))
         before, stand_in = stand_in, play_output(pushed, radius, track.fine)
         change = np.abs(stand_in - before).max(initial=0.0)
@@ -387,7 +427,7 @@ def _motor(piece: Piece, track: Track, model: Model) -> Evaluation:
     added = _added(track, model, positions)
     signals = _signals(track, model, positions, _load(track, model), None)
     averaged = not _is_loaded(track, model)
-    load = added.load(signals, averaged=averaged)
+    load = _load_added(track, model, added, signals, averaged=averaged)
     T = _load(track, model) - load
     signals = _loaded(signals, T)
     ones = np.ones(track.size)

@@ -4,7 +4,7 @@ A wrong ratio, rotation or sign would otherwise come out as a large, structured 
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,9 @@ LEAST_TRAVEL = 6.0
 
 OTHER_RATIO, FEWEST_TURNING = 0.2, 3
 """Relative distance of one run's ratio from the others' median that is another scale, and runs that tell a median."""
+
+ANOTHER_GEAR, SURE_OF_RATIO = 0.05, 0.01
+"""Relative difference of two runs' ratios beyond which they are of different gears, and the doubt each may have."""
 
 OTHER_COMPLIANCE = 10.0
 """Factor between the winding of one sweep and that of most others beyond which a unit or the lock is wrong."""
@@ -200,6 +203,26 @@ def check_each_ratio(tracks: Sequence[Track]) -> None:
             expected=f"a ratio within {100 * OTHER_RATIO:.0f} % of the other runs'",
             hint=f"{_why_ratio(factor, usual)} Correct the column's unit or sign in the mapping, or leave the run out.",
         )
+    _check_one_gear(tracks, slopes)
+
+
+def _check_one_gear(tracks: Sequence[Track], slopes: Mapping[str, float]) -> None:
+    """Raise DataError where runs say ratios that are too near for a wrong unit and too far apart for one gear."""
+    sure = [t.name for t in tracks if t.name in slopes and slope_doubt([t], None) < SURE_OF_RATIO]
+    ratios = {name: abs(slopes[name]) for name in sure}
+    if not ratios:
+        return
+    least, most = min(ratios, key=lambda name: ratios[name]), max(ratios, key=lambda name: ratios[name])
+    if ratios[most] < (1.0 + ANOTHER_GEAR) * ratios[least]:
+        return
+    raise DataError(
+        f"{least}, {most}",
+        f"the runs are of different gears: the motor turns {ratios[least]:.6g} times for one turn of the output in "
+        f"{least} and {ratios[most]:.6g} times in {most}",
+        column="motor_position, output_position",
+        expected=f"one ratio, within {100.0 * ANOTHER_GEAR:.0f} %",
+        hint="Give the runs of one drive at a time, or correct the counts per revolution of one encoder.",
+    )
 
 
 def _why_ratio(factor: float, usual: float) -> str:

@@ -41,6 +41,13 @@ CLOSED = 0.1
 """Share of its range by which a torque may differ at both ends of a loop."""
 
 
+FEWEST_LEVELS = 80
+"""Steps of a rounded torque in a sweep from which on the law between them can be told."""
+
+FEWEST_STEPS, SAME_STEP, MOST_ALIKE = 30, 0.01, 0.9
+"""Changes of a torque from which it is judged, how alike they are where it was rounded, and how many of them."""
+
+
 def check_sweeps(runs: Sequence[Run], dut: Dut) -> None:
     """Raise DataError for a sweep under another procedure's name or in other units."""
     if dut.gear.ratio is None:
@@ -55,6 +62,33 @@ def check_work(runs: Sequence[Run]) -> None:
     """Raise DataError for a locked sweep that gives its motor work back: friction only takes it."""
     for run in _sweeps(runs):
         _check_work(run)
+
+
+def check_steps(runs: Sequence[Run]) -> None:
+    """Raise DataError for a sweep whose torque was rounded to few steps: what lies between them is lost.
+
+    A staircase that was commanded stays long on each of its stairs.
+    """
+    for run in _sweeps(runs):
+        driven = run.procedure is ProcedureName.LOCKED_OUTPUT
+        names = ("output_torque", "motor_torque") if driven else ("output_torque",)
+        for name in names:
+            values = run.signals.get(name)
+            steps = np.zeros(0) if values is None else np.abs(np.diff(values[np.isfinite(values)]))
+            moved = steps[steps > 0.0]
+            if values is None or moved.size < FEWEST_STEPS:
+                continue
+            step, span = float(np.median(moved)), float(np.ptp(values[np.isfinite(values)]))
+            if span >= FEWEST_LEVELS * step or np.mean(np.abs(moved - step) < SAME_STEP * step) < MOST_ALIKE:
+                continue
+            raise DataError(
+                run.name,
+                f"{name} goes in steps of {step:.3g} N*m, {span / step:.0f} of them in the whole sweep",
+                column=name,
+                value=step,
+                expected=f"at least {FEWEST_LEVELS} steps: what lies between them is not in the log",
+                hint="Record it with more digits, or a finer range of the transducer.",
+            )
 
 
 def _sweeps(runs: Sequence[Run]) -> list[Run]:

@@ -30,6 +30,9 @@ SMOOTHING = 0.5
 STANDS = 3.0
 """Counts of an encoder that it moves in a second at most while its reading stands."""
 
+ROUNDED = 1.5
+"""Factor of a count within which a step of an angle is one count of its encoder."""
+
 SPEED_SIDE, HARMONICS = 1.0, 10
 """s on either side over which the speed of a reading is taken, and harmonics of its rounding that are looked at."""
 
@@ -95,12 +98,22 @@ def encoder_counts(piece: Piece, dut: Dut, ratio: float | None) -> tuple[float, 
     if ratio is None:
         return None
     for count, position, gear in zip(given, (track.motor_position, track.output_position), (ratio, 1.0), strict=True):
-        read = None if position is None else 0.0 if np.ptp(position) == 0.0 else count_of([position])
-        step = 2.0 * math.pi / count if count else read
+        step = _step_of(position, 2.0 * math.pi / count if count else None)
         if step is None:
             return None
         found.append(step / gear)
     return found[0], found[1]
+
+
+def _step_of(position: Floats | None, count: float | None) -> float | None:
+    """Give the steps in which an angle goes: those of its encoder, or coarser ones where it was rounded."""
+    steps = np.zeros(0) if position is None else np.abs(np.diff(position))
+    if position is None or not np.any(steps):
+        return count if count is not None or position is None else 0.0
+    if count is not None and np.any((steps > count / ROUNDED) & (steps < ROUNDED * count)):
+        return count
+    read = count_of([position])
+    return read if count is None or read is None else max(count, read)
 
 
 def slow_counts(position: Floats, count: float, period: float) -> Floats:

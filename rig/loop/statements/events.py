@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
 from rig.config.dut import Dut
+from rig.log.run import ProcedureName
 from rig.loop.model.equations import Equation
 from rig.loop.model.prediction import Model
 from rig.loop.statements.colour import (
@@ -59,6 +60,9 @@ MOST_TRIED = 100
 
 AT_ONCE = 1.0
 """s within which steps of two replicates come at the same time."""
+
+COARSE = 5.0
+"""Counts of the motor's encoder, at the output, from which on one of the output's is coarse."""
 
 WRONG_INPUT = 2.0
 """Times the step which the smoothing took from a torque that one of the torsion exceeds at least."""
@@ -170,8 +174,10 @@ def _readings(residual: Residual, counts: tuple[float, float], model: Model) -> 
         angle = position / gear
         slow = slow_counts(angle, count, track.period)
         shift = count * np.sqrt(np.max([slow[low], slow[rows], slow[high]], axis=0))
-        if gear == 1.0:
-            # the motor's own step is what is looked for; a locked output that reads the same has none
+        locked = track.procedure is ProcedureName.LOCKED_OUTPUT
+        if gear == 1.0 and (locked or count < COARSE * counts[0]):
+            # the motor's own step is what is looked for; an output that reads the same has none, unless it creeps
+            # along within a coarse count
             stand = [np.abs(angle[a] - angle[b]) <= STANDS * count for a, b in ((before, low), (high, rows))]
             shift = np.where(stand[0] & stand[1], np.abs(angle[rows] - angle[before]), shift)
         found += shift

@@ -228,6 +228,7 @@ def _of_the_device_file(runs: Sequence[Run], dut: Dut, model: Model) -> list[str
             f"{measured:.4g} N*m."
         )
     found += finer_grids(runs, dut)
+    found += _of_other_scale(runs)
     logged, given = _logged_torque_constant(runs), dut.motor.torque_constant
     if logged is not None and given is not None and abs(logged / given - 1.0) > OFF_CONSTANT:
         torque = mixed_up("N*m", logged / given) if logged > given else None
@@ -267,8 +268,22 @@ def _of_the_logs(runs: Sequence[Run]) -> list[str]:
     gaps = {run.name: len(run.gaps) for run in runs if run.gaps}
     if gaps:
         most = max(gaps, key=lambda name: gaps[name])
-        found.append(f"{sum(gaps.values())} gaps in {len(gaps)} of {len(runs)} runs, most in {most}.")
+        found.append(f"{counted(sum(gaps.values()), 'gap')} in {len(gaps)} of {len(runs)} runs, most in {most}.")
     return found
+
+
+def _of_other_scale(runs: Sequence[Run]) -> list[str]:
+    """Say of which runs motor torque and current are another number of N*m to 1 A than in most."""
+    known = {run.name: constant for run in runs if (constant := _logged_torque_constant([run])) is not None}
+    usual = float(np.median(list(known.values()))) if known else 0.0
+    other = {name: constant for name, constant in known.items() if abs(constant / usual - 1.0) > OFF_CONSTANT}
+    if 2 * len(other) >= len(known):
+        return []
+    return [
+        f"{name}: motor_torque is {constant:.4g} N*m for 1 A of motor_current, in most other runs {usual:.4g} N*m: one "
+        f"of the two has another scale there. Correct it, or leave the run out."
+        for name, constant in other.items()
+    ]
 
 
 def _logged_torque_constant(runs: Sequence[Run]) -> float | None:

@@ -16,6 +16,7 @@ from rig.loop.campaign import LoopOptions, split_runs
 from rig.loop.result import LoopResult, Verdict
 from rig.loop.signals.checks import check_gear, check_jumps, check_signs, check_torques, torque_factor
 from rig.loop.signals.living import living
+from rig.loop.signals.sweeps import check_steps
 from rig.loop.signals.tracks import make_track
 from rig.loop.trace import trace
 from tests.challenge.cases import LEAN
@@ -542,7 +543,7 @@ def test_a_temperature_in_kelvin_is_refused_with_what_it_may_be() -> None:
 
 def test_friction_that_no_fitted_run_shows_is_said_and_not_called_untraced() -> None:
     runs, _ = drawn(ALL_KINDS)
-    result = trace(runs, dut(), LoopOptions(held_out=("free-run-*",)))
+    result = trace(runs, dut(), LoopOptions(held_out=("free-run-*", "locked-output-04")))
     assert any("No run that was fitted has motor-torque in free-run" in text for text in result.warnings)
     assert not [item for item in result.open if "free-run" in str(item.evidence.get("procedure"))]
 
@@ -564,3 +565,78 @@ def test_a_base_of_another_drive_is_said() -> None:
     named = base.dut.model_copy(update={"name": "OTHER"})
     result = trace(runs, dut(DUT), LoopOptions(held_out=held_out, base=base.model_copy(update={"dut": named})))
     assert any("--base is of another drive (name OTHER, not SHD-17-100)" in text for text in result.warnings)
+
+
+EACH = Plan(
+    locked_angles=4, locked_pairs=1, backdrives=2, backdrive_pairs=1, free_runs=2, free_run_pairs=1, output_turns=1.0
+)
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize(("name", "gain"), [("output_torque", 0.9), ("output_torque", 1.3), ("motor_torque", 1.1)])
+def test_a_torque_that_reads_far_too_much_is_the_set_of_both_gains_and_leaves_the_floor(name: str, gain: float) -> None:
+    runs, held_out = drawn(EACH, 5)
+    read = [scaled(without(run, *({"motor_current"} if name == "motor_torque" else ())), {name: gain}) for run in runs]
+    result = trace(read, dut(), LoopOptions(held_out=held_out))
+    assert result.effects == ("ambiguous:torque-constant-error|torque-sensor-gain",)
+    assert {item.verdict for item in result.open} <= {Verdict.ABSORBED}
+    off = gain if name == "output_torque" else 1.0 / gain
+    value = result.steps[0].parameters["amplitude"].value
+    # whichever of both stands for the set: the sensor reads (1 + a) times, or the motor as much less
+    assert min(abs(value - (off - 1.0)), abs(value - (1.0 / off - 1.0))) < 2e-4
+    errors = result.equations["motor-torque"].held_out
+    assert errors is not None
+    backdrive = errors.by_procedure["backdrive"]
+    assert backdrive.floor_ci95 is not None
+    assert backdrive.rms_after < backdrive.floor_ci95[1] < 0.1 * backdrive.rms_before
+
+
+@pytest.mark.parametrize("text", [DUT, 'name = "x"\n'])
+def test_runs_of_two_gears_are_refused_with_one_of_each(text: str) -> None:
+    runs, _ = drawn(FREE)
+    other, _ = runs_of(Campaign(12, drive=replace(shd_17_100(), ratio=80.0), plan=FREE, rate=100.0))
+    mixed = [replace(run, name=f"{of}-{run.name}") for of, some in (("a", runs), ("b", other)) for run in some]
+    with pytest.raises(DataError, match=r"b-free-run-\d.*, a-free-run-\d.*different gears.*80.*100") as caught:
+        trace(mixed, dut(text), LoopOptions())
+    assert "Give the runs of one drive at a time" in str(caught.value)
+
+
+@pytest.mark.parametrize(("name", "step"), [("output_torque", 0.5), ("motor_torque", 0.01)])
+def test_a_sweep_whose_torque_was_rounded_to_few_steps_is_refused_and_a_finer_one_not(name: str, step: float) -> None:
+    runs, _ = drawn(LOCKED)
+
+    def rounded(run: Run, step: float) -> Run:
+        return replace(run, signals={**run.signals, name: step * np.round(run.signals[name] / step)})
+
+    with pytest.raises(DataError, match=rf"{name} goes in steps of {step:g} N\*m, \d\d of them in the whole sweep"):
+        check_steps([rounded(run, step) for run in runs])
+    check_steps([rounded(run, 0.1 * step) for run in runs])
+    check_steps(runs)
+
+
+def test_a_staircase_of_few_torques_is_no_rounded_sweep() -> None:
+    run = next(run for run in drawn(LOCKED)[0])
+    stairs = 2.0 * np.round(np.sin(0.2 * run.time) * 4.0)
+    check_steps([replace(run, signals={**run.signals, "output_torque": stairs})])
+
+
+def test_held_out_runs_that_test_nothing_that_was_fitted_are_refused() -> None:
+    runs, _ = drawn(EACH, 5)
+    with pytest.raises(DataError, match="the held-out runs are free-run and none such was fitted"):
+        trace(runs, dut(), LoopOptions(held_out=("free-run*",)))
+
+
+def test_a_motor_torque_that_is_another_number_of_amperes_in_one_run_is_told_with_both() -> None:
+    runs, held_out = drawn(EACH, 5)
+    odd = [scaled(run, {"motor_torque": 2.0}) if run.name == "free-run-02" else run for run in runs]
+    result = trace(odd, dut(), LoopOptions(held_out=held_out))
+    (text,) = [text for text in result.warnings if "in most other runs" in text]
+    assert text.startswith("free-run-02: motor_torque is 0.642 N*m for 1 A of motor_current, in most other runs 0.321")
+
+
+def test_an_angle_rounded_coarser_than_its_counts_makes_no_event() -> None:
+    runs, held_out = drawn(EACH, 5)
+    angle = "output_position"
+    rounded = [replace(run, signals={**run.signals, angle: np.round(run.signals[angle], 4)}) for run in runs]
+    result = trace(rounded, dut(), LoopOptions(held_out=held_out))
+    assert all(item.verdict is not Verdict.UNCONTROLLED for item in result.open)
