@@ -354,6 +354,7 @@ def _backdrive(track: Track, model: Model) -> Evaluation:
     positions = _positions(track, model)
     added = _added(track, model, positions)
     signals = _signals(track, model, positions, _load(track, model), None)
+    signals["base_friction"] = np.full(track.size, abs(model.value("T_fb")) / N)
     load = _load_added(track, model, added, signals, averaged=False)
     play_load = np.zeros(track.size * track.fine) if track.play_load is None else track.play_load
     play_load = play_load - added.load_of_play(load, signals, track.fine)
@@ -378,6 +379,7 @@ def _locked(track: Track, model: Model) -> Evaluation:
     pushed, radius = N * drive, np.asarray(N * model.value("T_fs"))
     stand_in = play_output(pushed, radius, track.fine)
     signals = _signals(track, model, positions, stand_in, track.M)
+    signals["base_friction"] = np.full(track.size, abs(model.value("T_fs")))
     for _ in range(LEVEL_PASSES if model.lines or model.shapes else 0):
         own = added.motor(signals) if track.M is None else _motor_added(track.M, added, signals)
         pushed = N * (drive - np.repeat(own, track.fine))

@@ -70,6 +70,19 @@ def test_a_frame_that_rings_faster_than_half_the_rate_of_the_means_is_named_with
     assert frequency[0] < 27.0 < frequency[1]
 
 
+@pytest.mark.timeout(300)
+def test_warmth_eases_a_backdrive_by_the_same_share_as_a_free_run() -> None:
+    """The dry level of the drive is 12 mN*m when it turns and 20 mN*m when it is backdriven."""
+    hidden = Effects(others=(term("temperature-dependent-friction", amplitude=0.005, reference=25.0),))
+    result = traced(hidden, RICH, 1008)
+    assert result.effects == ("temperature-dependent-friction",)
+    estimates = {**result.steps[0].parameters, **result.model.base.parameters}
+    for name, truth in (("amplitude", 0.005), ("T_fb", 2.0), ("T_c", 0.012)):
+        ends = estimates[name].ci95
+        assert ends is not None
+        assert ends[0] < truth < ends[1]
+
+
 ONE_SPEED, SEVERAL = ((20.0, 22.0),) * 2, ((6.0, 8.0), (28.0, 30.0))
 
 
