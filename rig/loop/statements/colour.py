@@ -30,8 +30,8 @@ SMOOTHING = 0.5
 STANDS = 3.0
 """Counts of an encoder that it moves in a second at most while its reading stands."""
 
-ROUNDED = 1.5
-"""Factor of a count within which a step of an angle is one count of its encoder."""
+ROUNDED, FEWEST_LONE = 1.5, 5
+"""Counts beyond which a step is more than one, and steps between samples at rest from which on they are told."""
 
 SPEED_SIDE, HARMONICS = 1.0, 10
 """s on either side over which the speed of a reading is taken, and harmonics of its rounding that are looked at."""
@@ -106,14 +106,17 @@ def encoder_counts(piece: Piece, dut: Dut, ratio: float | None) -> tuple[float, 
 
 
 def _step_of(position: Floats | None, count: float | None) -> float | None:
-    """Give the steps in which an angle goes: those of its encoder, or coarser ones where it was rounded."""
-    steps = np.zeros(0) if position is None else np.abs(np.diff(position))
-    if position is None or not np.any(steps):
-        return count if count is not None or position is None else 0.0
-    if count is not None and np.any((steps > count / ROUNDED) & (steps < ROUNDED * count)):
-        return count
-    read = count_of([position])
-    return read if count is None or read is None else max(count, read)
+    """Give the steps in which an angle goes: those of its encoder, or coarser ones where it was rounded.
+
+    A step of one count, or of the rounding, stands between samples that do not differ.
+    """
+    if position is None or count is None:
+        return count if position is None else 0.0 if np.ptp(position) == 0.0 else count_of([position])
+    steps = np.abs(np.diff(position))
+    moved = steps > count / ROUNDED
+    lone = steps[1:-1][moved[1:-1] & ~moved[:-2] & ~moved[2:]]
+    step = float(np.median(lone)) if lone.size >= FEWEST_LONE else 0.0
+    return step if step > ROUNDED * count else count
 
 
 def slow_counts(position: Floats, count: float, period: float) -> Floats:
