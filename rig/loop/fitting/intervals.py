@@ -122,6 +122,7 @@ def chance(state: Fit, number: int) -> float:
 
     By Hotelling's T**2 over their covariance, with the freedom of the blocks that tell of them: it knows what the fit
     leaves, and takes sums over blocks for normal. 1 where no more blocks tell of them than there are amplitudes.
+    Source: Hotelling, "The generalization of Student's ratio", Ann. Math. Statist. 2 (1931) 360-378.
     """
     term, first = state.model.shapes[number], state.columns.of_shape(number).start
     amplitudes = {first + place: term.values[k] for place, k in enumerate(term.free) if not term.is_logarithmic(k)}

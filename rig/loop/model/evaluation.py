@@ -248,8 +248,12 @@ class Added:
         return _sum(signals["direction"].size, parts) if parts else None
 
     def misreads(self, signal: str) -> bool:
-        """Whether a term makes this signal read otherwise, by what the signal itself is."""
-        return any(term.effect.reads == signal and signal in term.effect.signals for term in self.shapes)
+        """Whether a term makes this signal read otherwise, by what the signal itself is at that moment.
+
+        What makes it late undoes itself, see `rig.loop.model.shapes.added_late`.
+        """
+        own = [term for term in self.shapes if term.effect.reads == signal and signal in term.effect.signals]
+        return any(not term.is_late for term in own)
 
     def _at(self, place: Place) -> list[ShapeTerm]:
         return [term for term in self.shapes if place_of(term.effect) is place]

@@ -44,17 +44,18 @@ def grid_of(angles: Sequence[Floats]) -> float | None:
     steps = np.sort(np.concatenate([np.abs(np.diff(angle)) for angle in angles]))
     sizes = steps[np.flatnonzero(np.diff(steps, prepend=-1.0) > 2.0 * read)]
     several = np.count_nonzero(steps > 2.0 * read) >= FEWEST_STEPS and sizes.size >= FEWEST_SIZES
-    if not several and sum(_lone_steps(angle, 2.0 * read) for angle in angles) < FEWEST_LONE:
+    if not several and sum(lone_steps(angle, 2.0 * read).size for angle in angles) < FEWEST_LONE:
         return None
     step = _fitted(steps, float(np.diff(sizes).min()))
     ways = np.sort(np.concatenate([np.abs(angle - angle[0]) for angle in angles]))
     return None if step is None else _fitted(ways, step)
 
 
-def _lone_steps(angle: Floats, read: float) -> int:
-    """Give how many steps of an angle (n,) rad stand between samples that do not differ by more than `read`."""
-    moved = np.abs(np.diff(angle)) > read
-    return int(np.count_nonzero(moved[1:-1] & ~moved[:-2] & ~moved[2:]))
+def lone_steps(angle: Floats, least: float) -> Floats:
+    """Give the steps (k,) rad of an angle (n,) rad, above `least`, that stand between samples without one."""
+    steps = np.abs(np.diff(angle))
+    moved = steps > least
+    return np.asarray(steps[1:-1][moved[1:-1] & ~moved[:-2] & ~moved[2:]])
 
 
 def _fitted(ways: Floats, step: float) -> float | None:

@@ -40,7 +40,6 @@ GIVEN_BACK = 0.03
 CLOSED = 0.1
 """Share of its range by which a torque may differ at both ends of a loop."""
 
-
 FEWEST_LEVELS = 80
 """Steps of a rounded torque in a sweep from which on the law between them can be told."""
 

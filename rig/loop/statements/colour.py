@@ -17,7 +17,7 @@ from rig.loop.model.equations import Law, Piece, target_of
 from rig.loop.model.hum import with_hums
 from rig.loop.model.prediction import Model
 from rig.loop.model.shapes import Place, addition, place_of
-from rig.loop.signals.counts import count_of
+from rig.loop.signals.counts import count_of, lone_steps
 from rig.loop.statements.dwells import dwell_of
 from rig.loop.statements.residuals import Residual
 from sim_backend.model.compliance import wave_generator_stiffness
@@ -30,7 +30,7 @@ SMOOTHING = 0.5
 STANDS = 3.0
 """Counts of an encoder that it moves in a second at most while its reading stands."""
 
-ROUNDED, FEWEST_LONE = 1.5, 5
+ROUNDED, FEWEST_ROUNDED = 1.5, 5
 """Counts beyond which a step is more than one, and steps between samples at rest from which on they are told."""
 
 SPEED_SIDE, HARMONICS = 1.0, 10
@@ -112,10 +112,8 @@ def _step_of(position: Floats | None, count: float | None) -> float | None:
     """
     if position is None or count is None:
         return count if position is None else 0.0 if np.ptp(position) == 0.0 else count_of([position])
-    steps = np.abs(np.diff(position))
-    moved = steps > count / ROUNDED
-    lone = steps[1:-1][moved[1:-1] & ~moved[:-2] & ~moved[2:]]
-    step = float(np.median(lone)) if lone.size >= FEWEST_LONE else 0.0
+    lone = lone_steps(position, count / ROUNDED)
+    step = float(np.median(lone)) if lone.size >= FEWEST_ROUNDED else 0.0
     return step if step > ROUNDED * count else count
 
 

@@ -131,8 +131,8 @@ def wrong_experiments(
 ) -> WrongExperiments:
     """Judge all runs of a campaign, of which those called `names` were fitted.
 
-    `residuals`: after, of all; `model`: the one that left them. `left_out`: a run that is neither fitted nor held out,
-    because the others agree without it.
+    `residuals`: of all, as `BeforeAfter.kept_apart_by` gives them; `model`: the one with all effects. `left_out`: a run
+    that is neither fitted nor held out, because the others agree without it.
     """
     everyone = {track.name: inputs_of(track) for track in tracks}
     fitted = [item for name, item in everyone.items() if name in names]
